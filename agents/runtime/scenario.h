@@ -1,0 +1,145 @@
+/* One experiment as its YAML file states it: plant, noise, networks of estimators.
+ *
+ * Read by libcyaml against the schema of scenario_schema.c; the section of a network's method has
+ * the schema that the method brings (agents/methods). Every error names file, line, key and value
+ * and says what is allowed. */
+#ifndef DSE_RUNTIME_SCENARIO_H
+#define DSE_RUNTIME_SCENARIO_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include <cyaml/cyaml.h>
+
+#include "dse/plant.h"
+#include "runtime/error.h"
+
+#define SCENARIO_MAX_METHODS  32 /* registered methods, see agents/methods/registry.c */
+#define SCENARIO_MAX_NETWORKS 16
+
+struct scenario_vector {
+    double *values;
+    unsigned count;
+};
+
+struct scenario_time {
+    double period_s;   /* sampling period in seconds, > 0 */
+    double duration_s; /* length of the run in seconds, >= period_s */
+};
+
+struct scenario_parameter {
+    char *name;
+    double value;
+};
+
+enum scenario_integrator_kind { SCENARIO_CVODE, SCENARIO_RK4 };
+
+struct scenario_integrator {
+    enum scenario_integrator_kind kind; /* default cvode */
+    double rtol;                        /* 0: 1e-10 */
+    double atol;                        /* 0: 1e-12 */
+};
+
+struct scenario_plant {
+    char *name;
+    char *set; /* parameter set, NULL: the plant's first */
+    struct scenario_parameter *parameters;
+    unsigned parameters_count;
+    double *x0; /* true initial state, NULL: that of the set */
+    unsigned x0_count;
+    double *inputs; /* constant known inputs, NULL: nominal */
+    unsigned inputs_count;
+    struct scenario_integrator integrator;
+};
+
+enum scenario_distribution { SCENARIO_NONE, SCENARIO_UNIFORM, SCENARIO_GAUSSIAN };
+
+/* Noise per channel, drawn anew at every sample and held over it. scale: the bound of a uniform
+ * distribution on [-scale, scale], the standard deviation of a Gaussian one. */
+struct scenario_noise {
+    enum scenario_distribution distribution;
+    double *scale; /* one per state (process, units per plant time unit) or output (measurement) */
+    unsigned scale_count;
+};
+
+struct scenario_noises {
+    struct scenario_noise process;
+    struct scenario_noise measurement;
+};
+
+/* One set of estimators that talk to each other. Several networks in a scenario estimate from the
+ * same measurements: that is how methods are compared fairly. */
+struct scenario_network {
+    char *name;
+    struct scenario_parameter *parameters; /* the estimators' own plant parameters: model mismatch */
+    unsigned parameters_count;
+    char *set;     /* the estimators' own parameter set, NULL: the plant's */
+    double *guess; /* the estimators' initial guess of the whole physical state */
+    unsigned guess_count;
+    void *section[SCENARIO_MAX_METHODS]; /* exactly one is not NULL: that of the network's method */
+};
+
+struct scenario_timeouts {
+    double repeat_s; /* a missing message is asked for again after this, 0: 0.05 */
+    double give_up_s; /* nobody waits longer than this for anything, 0: 20 */
+};
+
+struct scenario {
+    char *name;
+    char *title;
+    char *source; /* where the experiment comes from */
+    uint64_t seed;
+    struct scenario_time time;
+    struct scenario_plant plant;
+    struct scenario_noises noise;
+    struct scenario_network *networks;
+    unsigned networks_count;
+    struct scenario_timeouts timeouts;
+
+    /* Filled by the reader, not by YAML: */
+    const struct dse_plant *process; /* the plant called plant.name */
+    char *file;                      /* as given, for messages */
+    char *yaml;                      /* the text as read */
+    char **overrides;                /* "key=value" as given with --set */
+    unsigned overrides_count;
+    uint64_t hash; /* of the scenario's values, overrides included: equal hash, equal experiment */
+};
+
+/* A limit on a number, by its key relative to the section that owns it ("theta_m", "time.period_s",
+ * "Q[]" for each entry). Checked after reading; part of the printed table of keys. */
+struct scenario_rule {
+    const char *key;
+    double min, max;     /* +-INFINITY: no limit */
+    bool min_open;       /* the value must be greater than min, not equal */
+    const char *meaning; /* one line with unit and default: for --keys and messages */
+};
+
+/* Reads `path` with the overrides applied. NULL and an error text on any failure. */
+struct scenario *scenario_read(const char *path, const char *const *overrides, unsigned overrides_count,
+                               struct error *error);
+/* Same from memory; `file` is the name used in messages. */
+struct scenario *scenario_parse(const char *yaml, const char *file, const char *const *overrides,
+                                unsigned overrides_count, struct error *error);
+void scenario_free(struct scenario *scenario);
+
+/* `name` itself when it is a readable file, else the only file among the scenario folders whose name
+ * begins with it ("ahg-43"). The folders: $DSE_SCENARIOS, then the one given at build time. False and
+ * an error that lists near names, or all matches when there are several. */
+bool scenario_find(const char *name, char *path, unsigned path_size, struct error *error);
+
+/* Number of samples: k = 0 .. samples-1. */
+int64_t scenario_samples(const struct scenario *scenario);
+/* Sampling period in the plant's time unit: period_s / time_unit_s. */
+double scenario_period(const struct scenario *scenario);
+
+/* The plant's parameter values for the simulator (network NULL) or for a network's estimators, and
+ * what dse_plant.prepare makes of them. prepared: process->prepared_size reals. */
+bool scenario_prepare_plant(const struct scenario *scenario, const struct scenario_network *network,
+                            dse_real *values, dse_real *prepared, struct error *error);
+/* Index of the network's method in the registry. */
+int scenario_method(const struct scenario_network *network);
+
+/* Prints the table of all keys: type, default, limits, meaning (dse-run --keys). */
+void scenario_print_keys(void);
+
+#endif

@@ -1,0 +1,39 @@
+/* A plant in the coordinates of a high-gain observer, subsystem by subsystem (section 2.2, eq 2.1-2.5
+ * of the adaptive high-gain source).
+ *
+ *     z_i = Phi_i(chi) = [h_i, L_f h_i, ..., L_f^{n_i-1} h_i]
+ *     z_i' = A_i z_i + b_i(z, u),    y_i = C_i z_i
+ *
+ * chi is the physical state, z the stacked coordinates (same total dimension n), L_f the Lie
+ * derivative along the whole vector field. A_i is the upper shift matrix, C_i the first unit row. */
+#ifndef DSE_NORMAL_FORM_H
+#define DSE_NORMAL_FORM_H
+
+#include "dse/real.h"
+#include "dse/status.h"
+
+struct dse_normal_form {
+    int n;          /* states of the whole plant, sum of n_i */
+    int p;          /* subsystems = outputs of the form */
+    const int *n_i; /* p block dimensions, subsystem-major stacking in z and chi */
+    const void *parameters;
+
+    /* z (n) = Phi(chi). */
+    enum dse_status (*encode)(const struct dse_normal_form *form, dse_real t, const dse_real *chi,
+                              const dse_real *u, dse_real *z);
+    /* chi (n) = Phi^-1(z). DSE_EMODEL where the map is not invertible. */
+    enum dse_status (*decode)(const struct dse_normal_form *form, dse_real t, const dse_real *z,
+                              const dse_real *u, dse_real *chi);
+    /* dz (n) = A z + b(z, u), the whole vector field. */
+    enum dse_status (*field)(const struct dse_normal_form *form, dse_real t, const dse_real *z,
+                             const dse_real *u, dse_real *dz);
+    /* F (n_i x n_i) = A_i + b_i*: derivative of block i of the field with respect to z_i, all other
+     * z_j frozen. */
+    enum dse_status (*jacobian)(const struct dse_normal_form *form, int i, dse_real t,
+                                const dse_real *z, const dse_real *u, dse_real *F);
+    /* M (n_i x n_i) = dPhi_i / dchi_i at chi, own block only. */
+    enum dse_status (*map_jacobian)(const struct dse_normal_form *form, int i, dse_real t,
+                                    const dse_real *chi, const dse_real *u, dse_real *M);
+};
+
+#endif
