@@ -33,7 +33,8 @@ dse_real dse_norm_max(int n, const dse_real *x);
 /* ---- symmetric kernels (lib/linalg/symmetric.c); they fill both triangles ---- */
 
 /* S (m x m) = A P A' + Q, A m x n, P n x n symmetric, Q m x m symmetric or NULL.
- * scratch: m x n. Half the multiplications of two general products. S may be P when m = n. */
+ * scratch: m x n. About three quarters of the work of two general products. S may be P when
+ * m = n, and may be Q. */
 void dse_sym_congruence(int m, int n, const dse_real *A, const dse_real *P, const dse_real *Q,
                         dse_real *S, dse_real *scratch);
 /* S (n x n) += a v v'. */
@@ -44,6 +45,7 @@ void dse_sym_enforce(int n, dse_real *S);
 /* ---- factorisations and solves (lib/linalg/cholesky.c, ldl.c, lu.c, qr.c) ---- */
 
 /* A = L L'; reads the lower triangle of A, writes L (strict upper triangle zero). L may be A.
+ * On failure L is undefined.
  * DSE_ENOTPD when a pivot is not positive (or not finite). */
 enum dse_status dse_cholesky(int n, const dse_real *A, dse_real *L);
 /* X (n x m) = A^-1 B for A = L L', in place of B (row-major, m right-hand sides). */
@@ -52,17 +54,20 @@ void dse_cholesky_solve(int n, const dse_real *L, int m, dse_real *B);
 void dse_lower_solve(int n, const dse_real *L, int m, dse_real *B);
 void dse_lower_transpose_solve(int n, const dse_real *L, int m, dse_real *B);
 
-/* A = L D L', L unit lower triangular; D (n). L may be A. For symmetric positive semidefinite and
- * quasi-definite matrices; DSE_ESINGULAR when a pivot is 0. */
+/* A = L D L', L unit lower triangular; D (n). L may be A. For symmetric definite and
+ * quasi-definite matrices; DSE_ESINGULAR when a pivot is 0, DSE_ENONFINITE when it is not finite;
+ * L and D are then undefined. */
 enum dse_status dse_ldl(int n, const dse_real *A, dse_real *L, dse_real *D);
 void dse_ldl_solve(int n, const dse_real *L, const dse_real *D, int m, dse_real *B);
 
-/* General square system with partial pivoting: A is overwritten by its factors, pivots (n). */
+/* General square system with partial pivoting: A is overwritten by its factors, pivots (n).
+ * DSE_ESINGULAR when a pivot is 0, DSE_ENONFINITE when one is not finite. */
 enum dse_status dse_lu(int n, dse_real *A, int *pivots);
 void dse_lu_solve(int n, const dse_real *LU, const int *pivots, int m, dse_real *B);
 
 /* Householder QR of A (m x n, m >= n) in place: R in the upper triangle, reflectors below, tau (n).
- * DSE_ESINGULAR when A has not full column rank to working precision. */
+ * DSE_ESINGULAR when a column lies in the span of those before it to working precision (the factors
+ * are complete all the same), DSE_ENONFINITE when A is not finite. */
 enum dse_status dse_qr(int m, int n, dse_real *A, dse_real *tau);
 /* b (m) <- Q' b. */
 void dse_qr_apply_qt(int m, int n, const dse_real *QR, const dse_real *tau, dse_real *b);
@@ -76,8 +81,7 @@ void dse_lq_lower(int n, int m, dse_real *A, dse_real *L);
 
 /* E = exp(A), n x n: scaling and squaring with the Pade approximant of degree 13.
  * scratch: DSE_EXPM_SCRATCH(n). */
-#define DSE_EXPM_SCRATCH(n) (7 * (n) * (n) + DSE_LINALG_PIVOTS(n))
-#define DSE_LINALG_PIVOTS(n) (n)
+#define DSE_EXPM_SCRATCH(n) (7 * (n) * (n) + (n))
 enum dse_status dse_expm(int n, const dse_real *A, dse_real *E, dse_real *scratch);
 /* Exact discretisation of x' = A x + B u over h, u held: Ad (n x n), Bd (n x nu). */
 #define DSE_DISCRETISE_SCRATCH(n, nu) \
