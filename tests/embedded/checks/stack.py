@@ -1,0 +1,280 @@
+"""Worst-case stack of the library's functions, computed and measured.
+
+    stack.py --graph DIR [--graph DIR ..] --image IMAGE --machine MACHINE
+
+Computed: gcc writes what each function takes and whom it calls (-fcallgraph-info=su, *.ci files);
+the worst case of a function is its own frame and the deepest of its callees. A call through a
+pointer counts as a call of every function of that kind: which kind is read from the source at the
+place of the call (`model->f(..)`), which functions are of that kind from their first parameter.
+Runtime functions of the compiler and the C library are bounded from the image's disassembly.
+
+Measured: the image paints its stack, makes one step and looks how far the paint is gone; its lines
+"stack NAME BYTES" are compared with the computed worst case of its function `step_NAME`.
+
+Fails on recursion, on a frame without a bound, on a call that cannot be followed, and when more
+was measured than computed.
+"""
+
+import argparse
+import re
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import run_image
+
+# Members of the library's structures of functions, and the first parameter of what they point to.
+MEMBERS = {
+    "struct dse_model": {"f", "h", "dfdx", "dhdx"},
+    "struct dse_normal_form": {"encode", "decode", "field", "jacobian", "map_jacobian"},
+}
+# A plain parameter that is called: the right-hand side of an ordinary differential equation.
+RIGHT_HAND_SIDE = "void *context"
+INDIRECT = "__indirect_call"
+
+
+class Graph:
+    """Functions with their frames in bytes and their callees."""
+
+    def __init__(self) -> None:
+        self.frames: dict[str, int] = {}
+        self.calls: dict[str, set[str]] = {}
+        self.kinds: dict[str, str] = {}
+        self.errors: list[str] = []
+
+    def read(self, folder: Path) -> None:
+        """Take in every .ci file below a folder."""
+        for file in sorted(folder.rglob("*.ci")):
+            for line in file.read_text().splitlines():
+                fields = dict(re.findall(r'(\w+): "((?:[^"\\]|\\.)*)"', line))
+                if line.startswith("node:") and "bytes" in fields["label"]:
+                    self.node(fields["title"], fields["label"].split("\\n"))
+                elif line.startswith("edge:"):
+                    self.edge(fields["sourcename"], fields["targetname"], fields.get("label", ""))
+
+    def node(self, title: str, label: list[str]) -> None:
+        """A function that is defined: its label holds name, place and stack usage."""
+        usage = re.fullmatch(r"(\d+) bytes \((.*)\)", label[2])
+        if usage is None or usage[2] not in ("static", "dynamic,bounded"):
+            self.errors.append(f"{title}: its frame has no bound ({label[2]})")
+            return
+        self.frames[title] = int(usage[1])
+        self.calls.setdefault(title, set())
+        self.kinds[title] = first_parameter(label[1])
+
+    def edge(self, caller: str, callee: str, place: str) -> None:
+        """A call; a call through a pointer becomes a call of its kind."""
+        if callee == INDIRECT:
+            kind = called_kind(place)
+            if kind is None:
+                self.errors.append(f"{caller}: what is called through a pointer at {place}?")
+                return
+            callee = "any " + kind
+        self.calls.setdefault(caller, set()).add(callee)
+
+    def callees(self, function: str) -> set[str]:
+        """Whom a function may call."""
+        if function.startswith("any "):
+            kind = function.removeprefix("any ")
+            return {title for title, k in self.kinds.items() if k == kind}
+        return self.calls.get(function, set())
+
+    def worst_cases(self, runtime: dict[str, int]) -> dict[str, int]:
+        """Depth of every function; recursion is an error."""
+        depth: dict[str, int] = {}
+        path: list[str] = []
+
+        def visit(function: str) -> int:
+            if function in depth:
+                return depth[function]
+            if function in path:
+                circle = path[path.index(function) :] + [function]
+                self.errors.append("recursion: " + " -> ".join(circle))
+                return 0
+            known = function in self.frames or function.startswith("any ")
+            if not known and function not in runtime:
+                self.errors.append(f"{function}: nothing is known about its stack")
+                return 0
+            path.append(function)
+            deepest = max((visit(callee) for callee in self.callees(function)), default=0)
+            path.pop()
+            depth[function] = self.frames.get(function, runtime.get(function, 0)) + deepest
+            return depth[function]
+
+        for function in sorted(self.frames):
+            visit(function)
+        return depth
+
+
+@cache
+def source(file: str) -> list[str]:
+    """Lines of a source file."""
+    return Path(file).read_text().splitlines()
+
+
+def first_parameter(place: str) -> str:
+    """The kind of a function defined at file:line:column, by its first parameter."""
+    file, line, _ = place.rsplit(":", 2)
+    text = " ".join(source(file)[int(line) - 1 : int(line) + 1])
+    match = re.search(r"\((?:const )?(struct \w+|void) \*\s*(\w+)", text)
+    if match is None:
+        return ""
+    return RIGHT_HAND_SIDE if match[1] == "void" else match[1]
+
+
+def called_kind(place: str) -> str | None:
+    """The kind of function called through a pointer at file:line:column; None: not understood."""
+    file, line, column = place.rsplit(":", 2)
+    text = " ".join(source(file)[int(line) - 1 : int(line) + 1])
+    match = re.compile(r"((?:\w+(?:->|\.))*)(\w+)\(").search(text, int(column) - 1)
+    if match is None:
+        return None
+    if not match[1]:
+        return RIGHT_HAND_SIDE
+    kinds = [kind for kind, members in MEMBERS.items() if match[2] in members]
+    return kinds[0] if kinds else None
+
+
+# What an instruction of a runtime function takes from the stack.
+REGISTERS = re.compile(r"^(?:push|stmdb|stmfd|vpush)\S*\s+(?:sp!, )?\{(.*)\}")
+SUBTRACT = re.compile(r"^sub\S*\s+sp, (?:sp, )?#(\d+)")
+STORE = re.compile(r"^str\S*\s.*\[sp, #-(\d+)\]!")
+BRANCH = re.compile(r"^(?:bl?|cbn?z)(?:eq|ne|cs|cc|mi|pl|vs|vc|hi|ls|ge|lt|gt|le)?(?:\.\w)?\s.*<([^>+]+)")
+END = re.compile(r"^(?:b(?:\.\w)?\s|bx\s|pop\S*\s.*pc|ldm\S*\s.*pc|ldr\S*\s+pc)")
+
+
+def pushed(instruction: str) -> int:
+    """Bytes of stack that an instruction takes."""
+    if match := REGISTERS.match(instruction):
+        total = 0
+        for part in match[1].split(","):
+            first, _, last = part.strip().partition("-")
+            count = int(last[1:]) - int(first[1:]) + 1 if last else 1
+            total += count * (8 if first.startswith("d") else 4)
+        return total
+    match = SUBTRACT.match(instruction) or STORE.match(instruction)
+    return int(match[1]) if match else 0
+
+
+def disassemble(image: str) -> dict[str, list[str]]:
+    """Instructions of every function of an image, in the order of their addresses."""
+    command = ["arm-none-eabi-objdump", "-d", "--no-show-raw-insn", image]
+    text = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    functions: dict[str, list[str]] = {}
+    current: list[str] = []
+    for line in text.splitlines():
+        if match := re.match(r"^[0-9a-f]+ <(.+)>:$", line):
+            current = functions.setdefault(match[1], [])
+        elif match := re.match(r"^\s*[0-9a-f]+:\t(.*)$", line):
+            current.append(match[1].strip())
+    return functions
+
+
+def runtime_bounds(image: str, known: set[str]) -> dict[str, int]:
+    """A bound for every function that gcc wrote no .ci file for.
+
+    All that it pushes anywhere, and all that everything it can branch or fall into pushes: more
+    than any one path takes.
+    """
+    functions = disassemble(image)
+    order = list(functions)
+    takes = {name: sum(map(pushed, body)) for name, body in functions.items()}
+    goes = {
+        name: {match[1] for i in body if (match := BRANCH.match(i))}
+        for name, body in functions.items()
+    }
+    for name, following in zip(order, order[1:], strict=False):
+        body = [i for i in functions[name] if not i.startswith((".", "nop"))]
+        if body and not END.match(body[-1]):
+            goes[name].add(following)
+
+    def reachable(name: str) -> set[str]:
+        seen: set[str] = set()
+        new = {name}
+        while new:
+            seen |= new
+            new = {to for n in new for to in goes.get(n, set()) if to in functions} - seen
+        return seen
+
+    names = [name for name in order if name not in known]
+    bounds = {name: sum(takes[n] for n in reachable(name)) for name in names}
+    # Two names of one address: the disassembly shows one of them.
+    symbols = subprocess.run(
+        ["arm-none-eabi-nm", image], check=True, capture_output=True, text=True
+    ).stdout
+    addresses: dict[str, list[str]] = {}
+    for line in symbols.splitlines():
+        address, kind, name = line.split(maxsplit=2)
+        if kind in "tTwW":
+            addresses.setdefault(address, []).append(name)
+    for names in addresses.values():
+        shared = [bounds[name] for name in names if name in bounds]
+        for name in names:
+            if shared and name not in known:
+                bounds.setdefault(name, max(shared))
+    return bounds
+
+
+def show(graph: Graph, worst: dict[str, int], runtime: dict[str, int]) -> None:
+    """The table of all public functions and of the callbacks."""
+    public = [f for f in worst if f in graph.frames and f.startswith("dse_")]
+    print("worst-case stack in bytes, the function's own frame in brackets")
+    for function in sorted(public, key=lambda f: -worst[f]):
+        print(f"  {worst[function]:5d}  ({graph.frames[function]:4d})  {function}")
+    for kind in sorted({f for f in worst if f.startswith("any ")}):
+        print(f"  {worst[kind]:5d}          {kind.replace('any ', 'deepest callback of ')}")
+    used = {name: size for name, size in runtime.items() if name in worst}
+    print(f"  {max(used.values(), default=0):5d}          deepest of {len(used)} runtime functions")
+
+
+def measure(machine: str, image: str) -> dict[str, int]:
+    """What the image says about its stack."""
+    result = run_image.emulate(machine, image)
+    if result.returncode != 0:
+        sys.exit(f"{image}: exit code {result.returncode}\n{result.stdout}{result.stderr}")
+    print(result.stdout, end="")
+    return {m[1]: int(m[2]) for m in re.finditer(r"^stack (\w+) (\d+)$", result.stdout, re.M)}
+
+
+def compare(measured: dict[str, int], worst: dict[str, int]) -> list[str]:
+    """Print measured beside computed; return the steps where the computed one is too small."""
+    wrong = [] if measured else ["the image measured nothing"]
+    print("high-water mark of one step, measured and computed, in bytes")
+    for name, bytes_used in measured.items():
+        titles = [f for f in worst if f.rsplit(":", 1)[-1] == f"step_{name}"]
+        if not titles:
+            wrong.append(f"step_{name} is not in the call graph")
+            continue
+        print(f"  {bytes_used:5d} <= {worst[titles[0]]:5d}  {name}")
+        if not 0 < bytes_used <= worst[titles[0]]:
+            wrong.append(f"{name}: measured {bytes_used}, computed {worst[titles[0]]}")
+    return wrong
+
+
+def main() -> int:
+    """Compute, measure, compare."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--graph", type=Path, action="append", required=True)
+    parser.add_argument("--image", required=True)
+    parser.add_argument("--machine", required=True)
+    arguments = parser.parse_args()
+
+    graph = Graph()
+    for folder in arguments.graph:
+        graph.read(folder)
+    if not graph.frames:
+        print("no call graph found")
+        return 1
+    plain = {title.rsplit(":", 1)[-1] for title in graph.frames}
+    runtime = runtime_bounds(arguments.image, plain)
+    worst = graph.worst_cases(runtime)
+    show(graph, worst, runtime)
+    wrong = graph.errors + compare(measure(arguments.machine, arguments.image), worst)
+    for line in wrong:
+        print(f"WRONG: {line}")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,24 @@
+# The host's side: the same cases as host programs, and tests that build and run the images.
+foreach(case ${EMBEDDED_CASES})
+  add_executable(embedded_${case} cases/${case}.c ${EMBEDDED_REPORT} host/platform.c)
+  target_include_directories(embedded_${case} PRIVATE ${EMBEDDED_INCLUDES})
+  target_link_libraries(embedded_${case} PRIVATE dse dse_warnings)
+endforeach()
+
+find_program(ARM_COMPILER arm-none-eabi-gcc)
+find_program(ARM_EMULATOR qemu-system-arm)
+if(NOT ARM_COMPILER OR NOT ARM_EMULATOR)
+  add_test(NAME embedded/all COMMAND sh -c
+           "echo 'arm-none-eabi-gcc or qemu-system-arm is missing: tools/setup installs both'; exit 77")
+  set_tests_properties(embedded/all PROPERTIES LABELS embedded SKIP_RETURN_CODE 77)
+  return()
+endif()
+
+set(cross ${CMAKE_BINARY_DIR}/embedded)
+add_test(NAME embedded/build COMMAND ${CMAKE_CTEST_COMMAND}
+  --build-and-test ${CMAKE_SOURCE_DIR} ${cross} --build-generator Ninja --build-noclean
+  --build-options -DCMAKE_TOOLCHAIN_FILE=${CMAKE_CURRENT_SOURCE_DIR}/arm-none-eabi.cmake
+                  -DCMAKE_BUILD_TYPE=MinSizeRel)
+set_tests_properties(embedded/build PROPERTIES LABELS embedded TIMEOUT 600
+                     FIXTURES_SETUP embedded_build)
+embedded_tests(${cross}/tests/embedded ${CMAKE_CURRENT_BINARY_DIR} embedded_build)
