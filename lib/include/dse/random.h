@@ -16,7 +16,7 @@ void dse_random_init(struct dse_random *random, uint64_t seed, uint64_t stream);
 uint64_t dse_random_bits(struct dse_random *random);
 /* Uniform on [0, 1), 53 random bits. */
 double dse_random_uniform(struct dse_random *random);
-/* Standard normal. */
+/* Standard normal; takes two draws of the stream. */
 double dse_random_normal(struct dse_random *random);
 
 #endif
