@@ -1,11 +1,16 @@
-/* A plant in the coordinates of a high-gain observer, subsystem by subsystem (section 2.2, eq 2.1-2.5
- * of the adaptive high-gain source).
+/* A plant in the coordinates of a high-gain observer, subsystem by subsystem (section 2.2,
+ * eq 2.1-2.5 of the adaptive high-gain source).
  *
  *     z_i = Phi_i(chi) = [h_i, L_f h_i, ..., L_f^{n_i-1} h_i]
  *     z_i' = A_i z_i + b_i(z, u),    y_i = C_i z_i
  *
  * chi is the physical state, z the stacked coordinates (same total dimension n), L_f the Lie
- * derivative along the whole vector field. A_i is the upper shift matrix, C_i the first unit row. */
+ * derivative along the whole vector field. A_i is the upper shift matrix, C_i the first unit row.
+ *
+ * A known input that enters Phi makes the map move with it. Inputs are held over a sample and the
+ * filter re-encodes where they jump; or a plant declares a second input as the time derivative of
+ * the first (`rates`), takes z_i2 as the full derivative and puts the part of the rate into the
+ * last row of b_i (section 4.1), and the filter follows the input between the samples. */
 #ifndef DSE_NORMAL_FORM_H
 #define DSE_NORMAL_FORM_H
 
@@ -16,6 +21,10 @@ struct dse_normal_form {
     int n;          /* states of the whole plant, sum of n_i */
     int p;          /* subsystems = outputs of the form */
     const int *n_i; /* p block dimensions, subsystem-major stacking in z and chi */
+    int nu;         /* known inputs, as in the plant's model; u may be NULL when 0 */
+    /* nu entries: rates[j] is the index of the input that is the time derivative of input j, or -1
+     * for one that is held. NULL: all are held. */
+    const int *rates;
     const void *parameters;
 
     /* z (n) = Phi(chi). */
