@@ -1,0 +1,51 @@
+/* golden_adaptive_high_gain_ekf FILE.json ...
+ *
+ * Compares plants, gain adaptation and whole filter runs with reference data of the adaptive
+ * high-gain EKF. The kind of a file is recognised by its keys. Exit code 0: all within their
+ * tolerance; 1: some are not, or a file cannot be read; 2: a file asks for a plant or a mode that
+ * is not supported. */
+#include <stdio.h>
+
+#include "adaptive_high_gain_ekf/golden.h"
+
+static int check_file(const char *path)
+{
+    json_error_t error;
+    json_t *root = json_load_file(path, 0, &error);
+    printf("%s\n", path);
+    if (root == NULL) {
+        printf("  line %d: %s\n", error.line, error.text);
+        return GOLDEN_FAIL;
+    }
+    int result = GOLDEN_UNSUPPORTED;
+    if (json_object_get(root, "cases") != NULL) {
+        result = golden_gain_file(root);
+    } else if (json_object_get(root, "points") != NULL &&
+               json_object_get(root, "n_reactors") != NULL) {
+        result = golden_plant_file(root);
+    } else if (json_is_object(json_object_get(root, "config")) &&
+               json_object_get(root, "record") != NULL) {
+        result = golden_run_file(root);
+    } else {
+        printf("  this layout is not supported\n");
+    }
+    json_decref(root);
+    return result;
+}
+
+int main(int argc, char **argv)
+{
+    int worst = GOLDEN_PASS;
+    if (argc < 2) {
+        fprintf(stderr, "usage: %s FILE.json ...\n", argv[0]);
+        return GOLDEN_FAIL;
+    }
+    for (int k = 1; k < argc; k++) {
+        const int result = check_file(argv[k]);
+        /* a deviation weighs more than a file that nothing can be said about */
+        worst = worst == GOLDEN_FAIL || result == GOLDEN_FAIL ? GOLDEN_FAIL
+                : result > worst                              ? result
+                                                              : worst;
+    }
+    return worst;
+}
