@@ -1,5 +1,10 @@
 /* The true plant: integrates a dse_plant's model from sample to sample, adds process and
- * measurement noise. Knows nothing of estimators, messages or files. */
+ * measurement noise. Knows nothing of estimators, messages or files.
+ *
+ *     x' = f(t, x, u) + w_k   for t_k <= t < t_(k+1),   t_k = k T_s
+ *     y_k = h(t_k, x_k, u) + v_k
+ *
+ * w_k and v_k are drawn once per sample; same seed, same bits. */
 #ifndef DSE_SIM_SIMULATOR_H
 #define DSE_SIM_SIMULATOR_H
 
@@ -7,42 +12,44 @@
 #include <stdint.h>
 
 #include "dse/plant.h"
+#include "sim/noise.h"
 
-enum sim_integrator { SIM_CVODE, SIM_RK4 };
-enum sim_distribution { SIM_NONE, SIM_UNIFORM, SIM_GAUSSIAN };
-
-struct sim_noise {
-    enum sim_distribution distribution;
-    const double *scale; /* per channel: bound (uniform) or standard deviation (Gaussian) */
+enum sim_integrator {
+    SIM_CVODE, /* variable order and step (BDF), error-controlled: the default truth */
+    SIM_RK4    /* one classical Runge-Kutta step per sample, as the reference runs have it */
 };
 
 struct sim_config {
-    const struct dse_plant *plant;
-    const dse_real *prepared;   /* what plant->prepare made of the parameters */
-    const double *x0;           /* nx */
-    const double *u;            /* nu constant inputs, or NULL when nu = 0 */
-    double period;              /* T_s in the plant's time unit, > 0 */
+    const struct dse_plant *plant; /* must outlive the simulator, as prepared must */
+    const dse_real *prepared;      /* what plant->prepare made of the parameters */
+    const double *x0;              /* nx */
+    const double *u;               /* nu constant inputs, or NULL when nu = 0 */
+    double period;                 /* T_s in the plant's time unit, > 0 */
     enum sim_integrator integrator;
-    double rtol, atol;          /* CVODE tolerances; atol is multiplied by each state's scale */
-    struct sim_noise process;   /* added to the derivative, drawn per sample and held: units per time */
-    struct sim_noise measurement; /* added to the output at each sample */
+    double rtol;                  /* CVODE, >= 0; 0: 1e-10 */
+    double atol;                  /* CVODE, >= 0; 0: 1e-12; multiplied by each state's scale */
+    struct sim_noise process;     /* nx channels, added to the derivative: units per time */
+    struct sim_noise measurement; /* ny channels, added to the output */
     uint64_t seed;
 };
 
 struct simulator;
 
-/* NULL and a one-line reason when the plant cannot be set up. All strings are the caller's. */
+/* NULL and a one-line reason when the plant cannot be set up. Apart from plant and prepared, the
+ * simulator keeps nothing of the config. */
 struct simulator *sim_create(const struct sim_config *config, char *reason, int reason_size);
+/* sim may be NULL. */
 void sim_destroy(struct simulator *sim);
 
 /* Sample k (0 at first) and its time k T_s. */
 int64_t sim_sample(const struct simulator *sim);
 double sim_time(const struct simulator *sim);
-const double *sim_state(const struct simulator *sim); /* nx */
-const double *sim_input(const struct simulator *sim); /* nu */
-/* y (ny) = h(x) + v of this sample; asking twice gives the same values. */
-const double *sim_output(struct simulator *sim);
-/* Goes on to the next sample. False and a reason when the integration fails. */
+const double *sim_state(const struct simulator *sim);  /* nx, at t_k */
+const double *sim_input(const struct simulator *sim);  /* nu */
+const double *sim_output(const struct simulator *sim); /* ny, with the measurement noise */
+
+/* Goes on to the next sample. False and a one-line reason (time, sample, the state at fault) when
+ * the integration fails; sample, state and output then stay what they were. */
 bool sim_step(struct simulator *sim, char *reason, int reason_size);
 
 #endif

@@ -1,0 +1,237 @@
+/* The true plant, sample by sample. */
+#include "sim/simulator.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "dse/math.h"
+#include "dse/ode.h"
+#include "sim/integrator_internal.h"
+
+#define DEFAULT_RTOL 1e-10
+#define DEFAULT_ATOL 1e-12
+
+struct simulator {
+    struct sim_field field;
+    enum sim_integrator integrator;
+    struct sim_cvode *cvode; /* NULL with SIM_RK4 */
+    double period;
+    int64_t sample;
+    struct sim_noise_source process;
+    struct sim_noise_source measurement;
+    double x[DSE_PLANT_MAX_STATES];
+    double u[DSE_PLANT_MAX_INPUTS];
+    double w[DSE_PLANT_MAX_STATES]; /* of this sample */
+    double y[DSE_PLANT_MAX_OUTPUTS];
+    double scratch[DSE_RK4_SCRATCH(DSE_PLANT_MAX_STATES)];
+};
+
+static bool check_values(const struct dse_signal *signals, const char *what, const double *values,
+                         int n, char *reason, int size)
+{
+    if (n > 0 && values == NULL)
+        return sim_reason(reason, size, "; %s is missing", what);
+    for (int j = 0; j < n; j++)
+        if (!dse_is_finite(values[j]))
+            return sim_reason(reason, size, "; %s of %s is not finite", what, signals[j].name);
+    return true;
+}
+
+static bool check_noise(const struct sim_noise *noise, const struct dse_signal *signals,
+                        const char *what, int n, char *reason, int size)
+{
+    if (noise->distribution == SIM_NONE)
+        return true;
+    if (!check_values(signals, what, noise->scale, n, reason, size))
+        return false;
+    for (int j = 0; j < n; j++)
+        if (noise->scale[j] < 0)
+            return sim_reason(reason, size, "; %s of %s is negative", what, signals[j].name);
+    return true;
+}
+
+static bool check_dimensions(const struct dse_plant *plant, const struct dse_model *model,
+                             char *reason, int size)
+{
+    if (plant->nx < 1 || plant->nx > DSE_PLANT_MAX_STATES || plant->nu < 0 ||
+        plant->nu > DSE_PLANT_MAX_INPUTS || plant->ny < 0 || plant->ny > DSE_PLANT_MAX_OUTPUTS)
+        return sim_reason(
+            reason, size,
+            "; %d states, %d inputs, %d outputs are outside 1 to %d, 0 to %d, 0 to %d", plant->nx,
+            plant->nu, plant->ny, DSE_PLANT_MAX_STATES, DSE_PLANT_MAX_INPUTS,
+            DSE_PLANT_MAX_OUTPUTS);
+    if (model->nx != plant->nx || model->nu != plant->nu || model->ny != plant->ny)
+        return sim_reason(reason, size, "; the model's dimensions are not those of the plant");
+    if (model->time != DSE_CONTINUOUS)
+        return sim_reason(reason, size, "; the model is not a differential equation");
+    return true;
+}
+
+static bool check_numbers(const struct sim_config *config, char *reason, int size)
+{
+    const struct dse_plant *plant = config->plant;
+    if (!(config->period > 0) || !dse_is_finite(config->period))
+        return sim_reason(reason, size, "; the sampling period %g is not positive", config->period);
+    if (!(config->rtol >= 0) || !dse_is_finite(config->rtol) || !(config->atol >= 0) ||
+        !dse_is_finite(config->atol))
+        return sim_reason(reason, size, "; the tolerances rtol %g, atol %g are not both positive",
+                          config->rtol, config->atol);
+    return check_values(plant->states, "initial value", config->x0, plant->nx, reason, size) &&
+           check_values(plant->inputs, "constant value", config->u, plant->nu, reason, size) &&
+           check_noise(&config->process, plant->states, "process noise", plant->nx, reason, size) &&
+           check_noise(&config->measurement, plant->outputs, "measurement noise", plant->ny, reason,
+                       size);
+}
+
+/* Sample k with the state x: y = h(t_k, x, u) + v_k, and w_k. Changes nothing when h fails. */
+static bool enter_sample(struct simulator *sim, int64_t k, const double *x, char *reason, int size)
+{
+    const struct dse_model *model = &sim->field.model;
+    double y[DSE_PLANT_MAX_OUTPUTS];
+    double v[DSE_PLANT_MAX_OUTPUTS];
+    double t = (double)k * sim->period;
+    if (model->ny > 0) {
+        enum dse_status status = model->h(model, t, x, sim->u, y);
+        if (status != DSE_OK)
+            return sim_reason(reason, size, "; the outputs: %s", dse_status_text(status));
+    }
+    for (int j = 0; j < model->ny; j++)
+        if (!dse_is_finite(y[j]))
+            return sim_reason(reason, size, "; output %s is not finite",
+                              sim->field.plant->outputs[j].name);
+    sim_noise_draw(&sim->process, sim->w);
+    sim_noise_draw(&sim->measurement, v);
+    for (int j = 0; j < model->ny; j++)
+        sim->y[j] = y[j] + v[j];
+    memmove(sim->x, x, (size_t)model->nx * sizeof *x);
+    sim->sample = k;
+    return true;
+}
+
+static void copy_config(struct simulator *sim, const struct sim_config *config)
+{
+    const struct dse_plant *plant = config->plant;
+    sim->integrator = config->integrator;
+    sim->period = config->period;
+    memcpy(sim->x, config->x0, (size_t)plant->nx * sizeof *sim->x);
+    if (plant->nu > 0)
+        memcpy(sim->u, config->u, (size_t)plant->nu * sizeof *sim->u);
+    sim_noise_init(&sim->process, &config->process, plant->nx, config->seed, SIM_NOISE_PROCESS);
+    sim_noise_init(&sim->measurement, &config->measurement, plant->ny, config->seed,
+                   SIM_NOISE_MEASUREMENT);
+}
+
+static bool create_cvode(struct simulator *sim, const struct sim_config *config, char *reason,
+                         int size)
+{
+    double rtol = config->rtol > 0 ? config->rtol : DEFAULT_RTOL;
+    double atol = config->atol > 0 ? config->atol : DEFAULT_ATOL;
+    sim->cvode = sim_cvode_create(&sim->field, sim->x, rtol, atol);
+    return sim->cvode != NULL || sim_reason(reason, size, "; CVODE cannot be set up");
+}
+
+static bool set_up(struct simulator *sim, const struct sim_config *config, char *reason, int size)
+{
+    struct sim_field *field = &sim->field;
+    field->plant = config->plant;
+    field->u = sim->u;
+    field->w = sim->w;
+    config->plant->model(config->prepared, &field->model);
+    if (!check_dimensions(config->plant, &field->model, reason, size) ||
+        !check_numbers(config, reason, size))
+        return false;
+    copy_config(sim, config);
+    return (sim->integrator == SIM_RK4 || create_cvode(sim, config, reason, size)) &&
+           enter_sample(sim, 0, sim->x, reason, size);
+}
+
+struct simulator *sim_create(const struct sim_config *config, char *reason, int reason_size)
+{
+    char detail[512] = "";
+    struct simulator *sim = calloc(1, sizeof *sim);
+    if (sim != NULL && set_up(sim, config, detail, (int)sizeof detail))
+        return sim;
+    if (reason_size > 0)
+        reason[0] = '\0';
+    sim_reason(reason, reason_size, "plant %s cannot be simulated%s", config->plant->name,
+               sim == NULL ? "; no memory" : detail);
+    sim_destroy(sim);
+    return NULL;
+}
+
+void sim_destroy(struct simulator *sim)
+{
+    if (sim == NULL)
+        return;
+    sim_cvode_destroy(sim->cvode);
+    free(sim);
+}
+
+int64_t sim_sample(const struct simulator *sim)
+{
+    return sim->sample;
+}
+
+double sim_time(const struct simulator *sim)
+{
+    return (double)sim->sample * sim->period;
+}
+
+const double *sim_state(const struct simulator *sim)
+{
+    return sim->x;
+}
+
+const double *sim_input(const struct simulator *sim)
+{
+    return sim->u;
+}
+
+const double *sim_output(const struct simulator *sim)
+{
+    return sim->y;
+}
+
+static bool integrate_rk4(struct simulator *sim, double t, double *x, char *reason, int size)
+{
+    sim->field.fault = DSE_OK;
+    enum dse_status status = dse_rk4_step(sim_field_rhs, &sim->field, t, sim->period,
+                                          sim->field.model.nx, x, sim->scratch);
+    if (status == DSE_OK)
+        return true;
+    if (sim->field.fault == DSE_OK)
+        return sim_reason(reason, size, "; %s", dse_status_text(status));
+    sim_field_explain(&sim->field, reason, size);
+    return false;
+}
+
+/* x(t_k) -> x(t_(k+1)) in place. */
+static bool integrate(struct simulator *sim, double *x, char *reason, int size)
+{
+    double t = sim_time(sim);
+    double t1 = (double)(sim->sample + 1) * sim->period;
+    bool held = sim->process.distribution != SIM_NONE; /* then f + w jumps at every sample */
+    if (sim->integrator == SIM_RK4 ? !integrate_rk4(sim, t, x, reason, size)
+                                   : !sim_cvode_integrate(sim->cvode, held, t, t1, x, reason, size))
+        return false;
+    for (int j = 0; j < sim->field.model.nx; j++)
+        if (!dse_is_finite(x[j]))
+            return sim_reason(reason, size, "; %s is not finite", sim->field.plant->states[j].name);
+    return true;
+}
+
+bool sim_step(struct simulator *sim, char *reason, int reason_size)
+{
+    const struct dse_plant *plant = sim->field.plant;
+    char detail[512] = "";
+    double x[DSE_PLANT_MAX_STATES];
+    memcpy(x, sim->x, (size_t)plant->nx * sizeof *x);
+    if (integrate(sim, x, detail, (int)sizeof detail) &&
+        enter_sample(sim, sim->sample + 1, x, detail, (int)sizeof detail))
+        return true;
+    if (reason_size > 0)
+        reason[0] = '\0';
+    return sim_reason(reason, reason_size,
+                      "plant %s cannot be integrated beyond sample %lld (t = %.9g %s)%s",
+                      plant->name, (long long)sim->sample, sim_time(sim), plant->time_unit, detail);
+}
