@@ -13,7 +13,8 @@ set(processor_m7 -mcpu=cortex-m7 -mfpu=fpv5-d16 -mfloat-abi=hard)
 set(script ${CMAKE_CURRENT_SOURCE_DIR}/target/memory.ld)
 
 function(embedded_image name target)
-  add_executable(${name}_${target} ${ARGN})
+  add_executable(${name}_${target} ${ARGN} ${EMBEDDED_SHARED})
+  add_dependencies(${name}_${target} embedded_golden)
   target_include_directories(${name}_${target} PRIVATE ${EMBEDDED_INCLUDES})
   target_link_libraries(${name}_${target} PRIVATE board_${target} dse_${target} dse_warnings)
 endfunction()
@@ -34,12 +35,22 @@ foreach(target ${EMBEDDED_TARGETS})
   # No start files and no system library: with a call of malloc or printf an image would not link,
   # because nobody defines _sbrk and _write.
   target_link_options(board_${target} PUBLIC ${processor_${target}} -mthumb --specs=nano.specs
-                      -nostartfiles -T ${script} -Wl,--gc-sections -Wl,--fatal-warnings)
+                      -nostartfiles -T ${script} -Wl,--fatal-warnings)
   set_target_properties(board_${target} PROPERTIES INTERFACE_LINK_DEPENDS ${script})
 
   foreach(case ${EMBEDDED_CASES})
-    embedded_image(${case} ${target} cases/${case}.c ${EMBEDDED_REPORT})
+    embedded_image(${case} ${target} cases/${case}.c)
+    target_link_options(${case}_${target} PRIVATE -Wl,--gc-sections)
   endforeach()
+
+  # All of the library in one image, whether called or not.
+  embedded_image(stack ${target} target/stack.c target/stack_meter.c)
+  target_compile_options(stack_${target} PRIVATE -fcallgraph-info=su)
+  target_link_options(stack_${target} PRIVATE
+    -Wl,--whole-archive $<TARGET_FILE:dse_${target}> -Wl,--no-whole-archive)
 endforeach()
 
 embedded_tests(${CMAKE_CURRENT_BINARY_DIR} "" "")
+foreach(target ${EMBEDDED_TARGETS})
+  add_dependencies(embedded-size stack_${target})
+endforeach()

@@ -1,11 +1,11 @@
 """Worst-case stack of the library's functions, computed and measured.
 
-    stack.py --graph DIR [--graph DIR ..] --image IMAGE --machine MACHINE
+    stack.py --headers DIR --graph DIR [--graph DIR ..] --image IMAGE --machine MACHINE
 
 Computed: gcc writes what each function takes and whom it calls (-fcallgraph-info=su, *.ci files);
 the worst case of a function is its own frame and the deepest of its callees. A call through a
 pointer counts as a call of every function of that kind: which kind is read from the source at the
-place of the call (`model->f(..)`), which functions are of that kind from their first parameter.
+place of the call (`model->f(..)`), which functions are of that kind from their parameters.
 Runtime functions of the compiler and the C library are bounded from the image's disassembly.
 
 Measured: the image paints its stack, makes one step and looks how far the paint is gone; its lines
@@ -24,13 +24,22 @@ from pathlib import Path
 
 import run_image
 
-# Members of the library's structures of functions, and the first parameter of what they point to.
-MEMBERS = {
-    "struct dse_model": {"f", "h", "dfdx", "dhdx"},
-    "struct dse_normal_form": {"encode", "decode", "field", "jacobian", "map_jacobian"},
+# Kinds of functions that are called through pointers: by which members, with which parameters.
+POINT = "dse_real, const dse_real *, const dse_real *, dse_real *"
+KINDS = {
+    "dse_model": ({"f", "h", "dfdx", "dhdx"}, f"const struct dse_model *, {POINT}"),
+    "dse_normal_form": ({"encode", "decode", "field"}, f"const struct dse_normal_form *, {POINT}"),
+    "dse_normal_form's Jacobians": (
+        {"jacobian", "map_jacobian"},
+        f"const struct dse_normal_form *, int, {POINT}",
+    ),
+    "dse_plant's prepare": ({"prepare"}, "const dse_real *, dse_real *"),
+    "dse_plant's model": ({"model"}, "const dse_real *, struct dse_model *"),
+    "dse_plant's form": ({"normal_form"}, "const dse_real *, struct dse_normal_form *"),
 }
-# A plain parameter that is called: the right-hand side of an ordinary differential equation.
-RIGHT_HAND_SIDE = "void *context"
+# A parameter that is called, not a member: the right-hand side of a differential equation.
+RIGHT_HAND_SIDE = "dse_ode_rhs"
+KINDS[RIGHT_HAND_SIDE] = (set(), "void *, dse_real, const dse_real *, dse_real *")
 INDIRECT = "__indirect_call"
 
 
@@ -61,7 +70,7 @@ class Graph:
             return
         self.frames[title] = int(usage[1])
         self.calls.setdefault(title, set())
-        self.kinds[title] = first_parameter(label[1])
+        self.kinds[title] = defined_kind(label[1])
 
     def edge(self, caller: str, callee: str, place: str) -> None:
         """A call; a call through a pointer becomes a call of its kind."""
@@ -97,7 +106,10 @@ class Graph:
                 self.errors.append(f"{function}: nothing is known about its stack")
                 return 0
             path.append(function)
-            deepest = max((visit(callee) for callee in self.callees(function)), default=0)
+            callees = self.callees(function)
+            if function.startswith("any ") and not callees:
+                self.errors.append(f"{function}: nobody defines such a function")
+            deepest = max((visit(callee) for callee in callees), default=0)
             path.pop()
             depth[function] = self.frames.get(function, runtime.get(function, 0)) + deepest
             return depth[function]
@@ -113,34 +125,39 @@ def source(file: str) -> list[str]:
     return Path(file).read_text().splitlines()
 
 
-def first_parameter(place: str) -> str:
-    """The kind of a function defined at file:line:column, by its first parameter."""
-    file, line, _ = place.rsplit(":", 2)
-    text = " ".join(source(file)[int(line) - 1 : int(line) + 1])
-    match = re.search(r"\((?:const )?(struct \w+|void) \*\s*(\w+)", text)
+def text_from(place: str) -> str:
+    """The source from file:line:column on, some lines of it."""
+    file, line, column = place.rsplit(":", 2)
+    return " ".join(source(file)[int(line) - 1 : int(line) + 5])[int(column) - 1 :]
+
+
+def defined_kind(place: str) -> str:
+    """The kind of the function defined at a place, by its parameters; "": none that is called."""
+    match = re.match(r"\w+\(([^()]*)\)", text_from(place))
     if match is None:
         return ""
-    return RIGHT_HAND_SIDE if match[1] == "void" else match[1]
+    types = [re.sub(r"\s*\b\w+$", "", p.strip()).replace(" *", "*") for p in match[1].split(",")]
+    signature = ", ".join(types).replace("*", " *")
+    return next((kind for kind, (_, s) in KINDS.items() if s == signature), "")
 
 
 def called_kind(place: str) -> str | None:
-    """The kind of function called through a pointer at file:line:column; None: not understood."""
-    file, line, column = place.rsplit(":", 2)
-    text = " ".join(source(file)[int(line) - 1 : int(line) + 1])
-    match = re.compile(r"((?:\w+(?:->|\.))*)(\w+)\(").search(text, int(column) - 1)
+    """The kind of function called through a pointer at a place; None: not understood."""
+    match = re.search(r"((?:\w+(?:->|\.))*)(\w+)\(", text_from(place))
     if match is None:
         return None
     if not match[1]:
         return RIGHT_HAND_SIDE
-    kinds = [kind for kind, members in MEMBERS.items() if match[2] in members]
-    return kinds[0] if kinds else None
+    return next((kind for kind, (members, _) in KINDS.items() if match[2] in members), None)
 
 
 # What an instruction of a runtime function takes from the stack.
 REGISTERS = re.compile(r"^(?:push|stmdb|stmfd|vpush)\S*\s+(?:sp!, )?\{(.*)\}")
 SUBTRACT = re.compile(r"^sub\S*\s+sp, (?:sp, )?#(\d+)")
 STORE = re.compile(r"^str\S*\s.*\[sp, #-(\d+)\]!")
-BRANCH = re.compile(r"^(?:bl?|cbn?z)(?:eq|ne|cs|cc|mi|pl|vs|vc|hi|ls|ge|lt|gt|le)?(?:\.\w)?\s.*<([^>+]+)")
+BRANCH = re.compile(
+    r"^(?:bl?|cbn?z)(?:eq|ne|cs|cc|mi|pl|vs|vc|hi|ls|ge|lt|gt|le)?(?:\.\w)?\s.*<([^>+]+)"
+)
 END = re.compile(r"^(?:b(?:\.\w)?\s|bx\s|pop\S*\s.*pc|ldm\S*\s.*pc|ldr\S*\s+pc)")
 
 
@@ -216,16 +233,23 @@ def runtime_bounds(image: str, known: set[str]) -> dict[str, int]:
     return bounds
 
 
-def show(graph: Graph, worst: dict[str, int], runtime: dict[str, int]) -> None:
+def show(graph: Graph, worst: dict[str, int], runtime: dict[str, int], headers: Path) -> None:
     """The table of all public functions and of the callbacks."""
-    public = [f for f in worst if f in graph.frames and f.startswith("dse_")]
+    declared = set()
+    for header in headers.glob("*.h"):
+        declared |= set(re.findall(r"\b(dse_\w+)\(", header.read_text()))
+    public = sorted(
+        (f for f in worst if f in graph.frames and f in declared), key=lambda f: -worst[f]
+    )
     print("worst-case stack in bytes, the function's own frame in brackets")
-    for function in sorted(public, key=lambda f: -worst[f]):
-        print(f"  {worst[function]:5d}  ({graph.frames[function]:4d})  {function}")
-    for kind in sorted({f for f in worst if f.startswith("any ")}):
-        print(f"  {worst[kind]:5d}          {kind.replace('any ', 'deepest callback of ')}")
-    used = {name: size for name, size in runtime.items() if name in worst}
-    print(f"  {max(used.values(), default=0):5d}          deepest of {len(used)} runtime functions")
+    for function in public:
+        if worst[function]:
+            print(f"  {worst[function]:5d}  ({graph.frames[function]:4d})  {function}")
+    print(f"  {0:5d}          {sum(not worst[f] for f in public)} others")
+    for kind in sorted(f for f in worst if f.startswith("any ")):
+        print(f"  {worst[kind]:5d}          {kind.replace('any ', 'deepest callback: ')}")
+    used = [size for name, size in runtime.items() if name in worst]
+    print(f"  {max(used, default=0):5d}          deepest of {len(used)} runtime functions")
 
 
 def measure(machine: str, image: str) -> dict[str, int]:
@@ -255,6 +279,7 @@ def compare(measured: dict[str, int], worst: dict[str, int]) -> list[str]:
 def main() -> int:
     """Compute, measure, compare."""
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--headers", type=Path, required=True)
     parser.add_argument("--graph", type=Path, action="append", required=True)
     parser.add_argument("--image", required=True)
     parser.add_argument("--machine", required=True)
@@ -269,7 +294,7 @@ def main() -> int:
     plain = {title.rsplit(":", 1)[-1] for title in graph.frames}
     runtime = runtime_bounds(arguments.image, plain)
     worst = graph.worst_cases(runtime)
-    show(graph, worst, runtime)
+    show(graph, worst, runtime, arguments.headers)
     wrong = graph.errors + compare(measure(arguments.machine, arguments.image), worst)
     for line in wrong:
         print(f"WRONG: {line}")

@@ -1,6 +1,6 @@
 """Which symbols of others the library needs: nothing that allocates, prints or does I/O.
 
-    symbols.py LIBRARY
+symbols.py LIBRARY
 """
 
 import re
