@@ -2,10 +2,16 @@
  *
  * Read by libcyaml against the schema of scenario_schema.c; the section of a network's method has
  * the schema that the method brings (agents/methods). Every error names file, line, key and value
- * and says what is allowed. */
+ * and says what is allowed:
+ *
+ *     x.yaml:12: networks[0].high_gain_ekf.theta_m: -3 is out of range; it must be > 1 (..)
+ *
+ * Anchors, aliases and merge keys (<<) work: a network can repeat another one's section and change
+ * one key of it. Unless a comment says otherwise, a key that may be left out is 0 or NULL then. */
 #ifndef DSE_RUNTIME_SCENARIO_H
 #define DSE_RUNTIME_SCENARIO_H
 
+#include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
 
@@ -16,11 +22,7 @@
 
 #define SCENARIO_MAX_METHODS  32 /* registered methods, see agents/methods/registry.c */
 #define SCENARIO_MAX_NETWORKS 16
-
-struct scenario_vector {
-    double *values;
-    unsigned count;
-};
+#define SCENARIO_MAX_SAMPLES  1e9
 
 struct scenario_time {
     double period_s;   /* sampling period in seconds, > 0 */
@@ -68,10 +70,14 @@ struct scenario_noises {
 };
 
 /* One set of estimators that talk to each other. Several networks in a scenario estimate from the
- * same measurements: that is how methods are compared fairly. */
+ * same measurements: that is how methods are compared fairly.
+ *
+ * The estimators know the plant as it is (plant.set with plant.parameters) unless the network says
+ * otherwise: a set of its own replaces both, then its own parameters are put in. */
 struct scenario_network {
     char *name;
-    struct scenario_parameter *parameters; /* the estimators' own plant parameters: model mismatch */
+    struct scenario_parameter
+        *parameters; /* the estimators' own plant parameters: model mismatch */
     unsigned parameters_count;
     char *set;     /* the estimators' own parameter set, NULL: the plant's */
     double *guess; /* the estimators' initial guess of the whole physical state */
@@ -80,7 +86,7 @@ struct scenario_network {
 };
 
 struct scenario_timeouts {
-    double repeat_s; /* a missing message is asked for again after this, 0: 0.05 */
+    double repeat_s;  /* a missing message is asked for again after this, 0: 0.05 */
     double give_up_s; /* nobody waits longer than this for anything, 0: 20 */
 };
 
@@ -102,32 +108,57 @@ struct scenario {
     char *yaml;                      /* the text as read */
     char **overrides;                /* "key=value" as given with --set */
     unsigned overrides_count;
-    uint64_t hash; /* of the scenario's values, overrides included: equal hash, equal experiment */
+    uint64_t hash; /* of the values, overrides included: equal hash, equal experiment. What cannot
+                    * change a result does not count: comments, layout, title, source, timeouts */
 };
 
-/* A limit on a number, by its key relative to the section that owns it ("theta_m", "time.period_s",
- * "Q[]" for each entry). Checked after reading; part of the printed table of keys. */
+/* How many entries a list of numbers has. */
+enum scenario_count {
+    SCENARIO_COUNT_ANY,
+    SCENARIO_PER_STATE,
+    SCENARIO_PER_INPUT,
+    SCENARIO_PER_OUTPUT,
+    SCENARIO_PER_SUBSYSTEM
+};
+
+/* What a key means and which numbers it takes. The key is relative to the section that owns the
+ * table, lists are marked: "theta_m", "time.period_s", "networks[].name". The limits of a list of
+ * numbers hold for each entry. Every key of a schema has one: checks, messages and the printed
+ * table of keys draw on it. Numbers that are stated are checked, also where 0 means the default. */
 struct scenario_rule {
     const char *key;
-    double min, max;     /* +-INFINITY: no limit */
-    bool min_open;       /* the value must be greater than min, not equal */
-    const char *meaning; /* one line with unit and default: for --keys and messages */
+    double min, max; /* +-INFINITY: no limit; written with SCENARIO_ABOVE .. below */
+    bool min_open;   /* the value must be greater than min, not equal */
+    enum scenario_count count;
+    const char *absent;  /* what holds when the key is left out; NULL: required, or just nothing */
+    const char *meaning; /* one line, with the unit: for --keys and messages */
 };
 
-/* Reads `path` with the overrides applied. NULL and an error text on any failure. */
-struct scenario *scenario_read(const char *path, const char *const *overrides, unsigned overrides_count,
-                               struct error *error);
+#define SCENARIO_ABOVE(limit)    .min = (limit), .max = INFINITY, .min_open = true
+#define SCENARIO_AT_LEAST(limit) .min = (limit), .max = INFINITY, .min_open = false
+#define SCENARIO_ANY             .min = -INFINITY, .max = INFINITY, .min_open = false
+
+/* Reads `path` with the overrides applied. NULL and an error text on any failure.
+ *
+ * An override is "key=value" with the key as in error messages, list entries by index or by their
+ * name, and the value in YAML: "seed=7", "networks.ahg.high_gain_ekf.theta_m=8",
+ * "networks[0].guess=[360, 3, 320, 2.5]", "plant.parameters.F_r=36". It works whether or not the
+ * file has the key. */
+struct scenario *scenario_read(const char *path, const char *const *overrides,
+                               unsigned overrides_count, struct error *error);
 /* Same from memory; `file` is the name used in messages. */
 struct scenario *scenario_parse(const char *yaml, const char *file, const char *const *overrides,
                                 unsigned overrides_count, struct error *error);
 void scenario_free(struct scenario *scenario);
 
-/* `name` itself when it is a readable file, else the only file among the scenario folders whose name
- * begins with it ("ahg-43"). The folders: $DSE_SCENARIOS, then the one given at build time. False and
- * an error that lists near names, or all matches when there are several. */
+/* `name` itself when it is a readable file, else the only *.yaml file among the scenario folders
+ * whose name begins with it; a whole word wins ("ahg-4" is ahg-4_x.yaml rather than ahg-43_y.yaml).
+ * The folders: those in $DSE_SCENARIOS (separated by colons), then the one given at build time; an
+ * earlier folder hides files of the same name in a later one. False and an error that lists what
+ * there is, or all matches when there are several. */
 bool scenario_find(const char *name, char *path, unsigned path_size, struct error *error);
 
-/* Number of samples: k = 0 .. samples-1. */
+/* Number of samples, duration_s / period_s rounded: k = 0 .. samples-1. */
 int64_t scenario_samples(const struct scenario *scenario);
 /* Sampling period in the plant's time unit: period_s / time_unit_s. */
 double scenario_period(const struct scenario *scenario);

@@ -1,0 +1,252 @@
+/* The keys of a scenario: where libcyaml puts them, what they mean and which values they take. */
+#include <string.h>
+
+#include "methods/method.h"
+#include "runtime/scenario_internal.h"
+
+#define OPTIONAL         CYAML_FLAG_OPTIONAL
+#define OPTIONAL_POINTER (CYAML_FLAG_POINTER | CYAML_FLAG_OPTIONAL)
+#define LONGEST_LIST     100000
+
+static const cyaml_schema_value_t number = {CYAML_VALUE_FLOAT(CYAML_FLAG_DEFAULT, double)};
+
+static const cyaml_schema_field_t time_fields[] = {
+    CYAML_FIELD_FLOAT("period_s", CYAML_FLAG_DEFAULT, struct scenario_time, period_s),
+    CYAML_FIELD_FLOAT("duration_s", CYAML_FLAG_DEFAULT, struct scenario_time, duration_s),
+    CYAML_FIELD_END};
+
+static const cyaml_schema_field_t parameter_fields[] = {
+    CYAML_FIELD_STRING_PTR("name", CYAML_FLAG_POINTER, struct scenario_parameter, name, 1, 63),
+    CYAML_FIELD_FLOAT("value", CYAML_FLAG_DEFAULT, struct scenario_parameter, value),
+    CYAML_FIELD_END};
+static const cyaml_schema_value_t parameter = {
+    CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct scenario_parameter, parameter_fields)};
+
+static const cyaml_strval_t integrator_words[] = {{"cvode", SCENARIO_CVODE}, {"rk4", SCENARIO_RK4}};
+static const cyaml_schema_field_t integrator_fields[] = {
+    CYAML_FIELD_ENUM("kind", OPTIONAL | CYAML_FLAG_STRICT, struct scenario_integrator, kind,
+                     integrator_words, CYAML_ARRAY_LEN(integrator_words)),
+    CYAML_FIELD_FLOAT("rtol", OPTIONAL, struct scenario_integrator, rtol),
+    CYAML_FIELD_FLOAT("atol", OPTIONAL, struct scenario_integrator, atol), CYAML_FIELD_END};
+
+static const cyaml_schema_field_t plant_fields[] = {
+    CYAML_FIELD_STRING_PTR("name", CYAML_FLAG_POINTER, struct scenario_plant, name, 1, 63),
+    CYAML_FIELD_STRING_PTR("set", OPTIONAL_POINTER, struct scenario_plant, set, 1, 63),
+    CYAML_FIELD_SEQUENCE("parameters", OPTIONAL_POINTER, struct scenario_plant, parameters,
+                         &parameter, 0, DSE_PLANT_MAX_PARAMETERS),
+    CYAML_FIELD_SEQUENCE("x0", OPTIONAL_POINTER, struct scenario_plant, x0, &number, 1,
+                         LONGEST_LIST),
+    CYAML_FIELD_SEQUENCE("inputs", OPTIONAL_POINTER, struct scenario_plant, inputs, &number, 0,
+                         LONGEST_LIST),
+    CYAML_FIELD_MAPPING("integrator", OPTIONAL, struct scenario_plant, integrator,
+                        integrator_fields),
+    CYAML_FIELD_END};
+
+static const cyaml_strval_t distribution_words[] = {
+    {"none", SCENARIO_NONE}, {"uniform", SCENARIO_UNIFORM}, {"gaussian", SCENARIO_GAUSSIAN}};
+static const cyaml_schema_field_t noise_fields[] = {
+    CYAML_FIELD_ENUM("distribution", CYAML_FLAG_STRICT, struct scenario_noise, distribution,
+                     distribution_words, CYAML_ARRAY_LEN(distribution_words)),
+    CYAML_FIELD_SEQUENCE("scale", OPTIONAL_POINTER, struct scenario_noise, scale, &number, 0,
+                         LONGEST_LIST),
+    CYAML_FIELD_END};
+static const cyaml_schema_field_t noises_fields[] = {
+    CYAML_FIELD_MAPPING("process", OPTIONAL, struct scenario_noises, process, noise_fields),
+    CYAML_FIELD_MAPPING("measurement", OPTIONAL, struct scenario_noises, measurement, noise_fields),
+    CYAML_FIELD_END};
+
+static const cyaml_schema_field_t network_fields[] = {
+    CYAML_FIELD_STRING_PTR("name", CYAML_FLAG_POINTER, struct scenario_network, name, 1, 31),
+    CYAML_FIELD_SEQUENCE("guess", CYAML_FLAG_POINTER, struct scenario_network, guess, &number, 1,
+                         LONGEST_LIST),
+    CYAML_FIELD_STRING_PTR("set", OPTIONAL_POINTER, struct scenario_network, set, 1, 63),
+    CYAML_FIELD_SEQUENCE("parameters", OPTIONAL_POINTER, struct scenario_network, parameters,
+                         &parameter, 0, DSE_PLANT_MAX_PARAMETERS)};
+
+static const cyaml_schema_field_t timeouts_fields[] = {
+    CYAML_FIELD_FLOAT("repeat_s", OPTIONAL, struct scenario_timeouts, repeat_s),
+    CYAML_FIELD_FLOAT("give_up_s", OPTIONAL, struct scenario_timeouts, give_up_s), CYAML_FIELD_END};
+
+static const cyaml_schema_field_t top_fields[] = {
+    CYAML_FIELD_STRING_PTR("name", CYAML_FLAG_POINTER, struct scenario, name, 1, 63),
+    CYAML_FIELD_STRING_PTR("title", OPTIONAL_POINTER, struct scenario, title, 1, 200),
+    CYAML_FIELD_STRING_PTR("source", OPTIONAL_POINTER, struct scenario, source, 1, 400),
+    CYAML_FIELD_UINT("seed", OPTIONAL, struct scenario, seed),
+    CYAML_FIELD_MAPPING("time", CYAML_FLAG_DEFAULT, struct scenario, time, time_fields),
+    CYAML_FIELD_MAPPING("plant", CYAML_FLAG_DEFAULT, struct scenario, plant, plant_fields),
+    CYAML_FIELD_MAPPING("noise", OPTIONAL, struct scenario, noise, noises_fields),
+    CYAML_FIELD_SEQUENCE("networks", CYAML_FLAG_POINTER, struct scenario, networks, NULL, 1,
+                         SCENARIO_MAX_NETWORKS),
+    CYAML_FIELD_MAPPING("timeouts", OPTIONAL, struct scenario, timeouts, timeouts_fields),
+    CYAML_FIELD_END};
+
+const struct scenario_rule scenario_rules[] = {
+    {.key = "name", SCENARIO_ANY, .meaning = "name of the experiment: letters, digits, _ and -"},
+    {.key = "title", SCENARIO_ANY, .absent = "none", .meaning = "one line for reports"},
+    {.key = "source", SCENARIO_ANY, .absent = "none", .meaning = "where the experiment comes from"},
+    {.key = "seed", SCENARIO_ANY, .absent = "0", .meaning = "of all random numbers of the run"},
+    {.key = "time", SCENARIO_ANY, .meaning = "sampling"},
+    {.key = "time.period_s", SCENARIO_ABOVE(0), .meaning = "sampling period in seconds"},
+    {.key = "time.duration_s",
+     SCENARIO_ABOVE(0),
+     .meaning = "length of the run in seconds, at least one period"},
+    {.key = "plant", SCENARIO_ANY, .meaning = "the simulated process"},
+    {.key = "plant.name", SCENARIO_ANY, .meaning = "one of the shipped plants"},
+    {.key = "plant.set",
+     SCENARIO_ANY,
+     .absent = "the plant's first",
+     .meaning = "named set of parameter values and initial state"},
+    {.key = "plant.parameters",
+     SCENARIO_ANY,
+     .absent = "none",
+     .meaning = "changes to the set's parameter values"},
+    {.key = "plant.parameters[].name", SCENARIO_ANY, .meaning = "a parameter of the plant"},
+    {.key = "plant.parameters[].value", SCENARIO_ANY, .meaning = "in the parameter's unit"},
+    {.key = "plant.x0",
+     SCENARIO_ANY,
+     .count = SCENARIO_PER_STATE,
+     .absent = "that of the set",
+     .meaning = "true initial state in the plant's units"},
+    {.key = "plant.inputs",
+     SCENARIO_ANY,
+     .count = SCENARIO_PER_INPUT,
+     .absent = "nominal",
+     .meaning = "constant known inputs in the plant's units"},
+    {.key = "plant.integrator",
+     SCENARIO_ANY,
+     .absent = "cvode",
+     .meaning = "how the process is integrated"},
+    {.key = "plant.integrator.kind",
+     SCENARIO_ANY,
+     .absent = "cvode",
+     .meaning = "cvode: adaptive and implicit; rk4: one Runge-Kutta step per sample"},
+    {.key = "plant.integrator.rtol",
+     SCENARIO_ABOVE(0),
+     .absent = "1e-10",
+     .meaning = "relative tolerance of cvode"},
+    {.key = "plant.integrator.atol",
+     SCENARIO_ABOVE(0),
+     .absent = "1e-12",
+     .meaning = "absolute tolerance of cvode, in units of each state's scale"},
+    {.key = "noise", SCENARIO_ANY, .absent = "none", .meaning = "drawn anew at every sample"},
+    {.key = "noise.process",
+     SCENARIO_ANY,
+     .absent = "none",
+     .meaning = "added to the derivative and held over the sample"},
+    {.key = "noise.process.distribution", SCENARIO_ANY, .meaning = "shape of the noise"},
+    {.key = "noise.process.scale",
+     SCENARIO_AT_LEAST(0),
+     .count = SCENARIO_PER_STATE,
+     .absent = "none",
+     .meaning = "bound (uniform) or standard deviation (gaussian), per plant time unit"},
+    {.key = "noise.measurement", SCENARIO_ANY, .absent = "none", .meaning = "added to the outputs"},
+    {.key = "noise.measurement.distribution", SCENARIO_ANY, .meaning = "shape of the noise"},
+    {.key = "noise.measurement.scale",
+     SCENARIO_AT_LEAST(0),
+     .count = SCENARIO_PER_OUTPUT,
+     .absent = "none",
+     .meaning = "bound (uniform) or standard deviation (gaussian), in the output's unit"},
+    {.key = "networks",
+     SCENARIO_ANY,
+     .meaning = "estimators side by side on the same measurements; each with one method"},
+    {.key = "networks[].name", SCENARIO_ANY, .meaning = "unique: letters, digits, _ and -"},
+    {.key = "networks[].guess",
+     SCENARIO_ANY,
+     .count = SCENARIO_PER_STATE,
+     .meaning = "initial guess of the whole state in the plant's units"},
+    {.key = "networks[].set",
+     SCENARIO_ANY,
+     .absent = "as the plant",
+     .meaning = "the estimators' own parameter set (model mismatch)"},
+    {.key = "networks[].parameters",
+     SCENARIO_ANY,
+     .absent = "as the plant",
+     .meaning = "the estimators' own parameter values (model mismatch)"},
+    {.key = "networks[].parameters[].name", SCENARIO_ANY, .meaning = "a parameter of the plant"},
+    {.key = "networks[].parameters[].value", SCENARIO_ANY, .meaning = "in the parameter's unit"},
+    {.key = "timeouts", SCENARIO_ANY, .absent = "0.05, 20", .meaning = "of a run over the network"},
+    {.key = "timeouts.repeat_s",
+     SCENARIO_ABOVE(0),
+     .absent = "0.05",
+     .meaning = "a missing message is asked for again after this, in seconds"},
+    {.key = "timeouts.give_up_s",
+     SCENARIO_ABOVE(0),
+     .absent = "20",
+     .meaning = "nobody waits longer than this for anything, in seconds"},
+    {.key = NULL}};
+
+void scenario_schema_make(struct scenario_schema *schema)
+{
+    int n = CYAML_ARRAY_LEN(network_fields);
+    memcpy(schema->network, network_fields, sizeof network_fields);
+    for (int i = 0; i < SCENARIO_MAX_METHODS && method_at(i) != NULL; i++) {
+        const struct method *method = method_at(i);
+        schema->network[n++] = (cyaml_schema_field_t){
+            .key = method->name,
+            .data_offset =
+                (uint32_t)(offsetof(struct scenario_network, section) + (size_t)i * sizeof(void *)),
+            .value = {.type = CYAML_MAPPING,
+                      .flags = (enum cyaml_flag)OPTIONAL_POINTER,
+                      .data_size = method->section_size,
+                      .mapping = {.fields = method->fields}}};
+    }
+    schema->network[n] = (cyaml_schema_field_t)CYAML_FIELD_END;
+    schema->network_entry = (cyaml_schema_value_t){
+        CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct scenario_network, schema->network)};
+
+    memcpy(schema->top, top_fields, sizeof top_fields);
+    for (cyaml_schema_field_t *field = schema->top; field->key != NULL; field++)
+        if (strcmp(field->key, "networks") == 0)
+            field->value.sequence.entry = &schema->network_entry;
+    schema->root = (cyaml_schema_value_t){
+        CYAML_VALUE_MAPPING(CYAML_FLAG_POINTER, struct scenario, schema->top)};
+}
+
+const cyaml_schema_field_t *scenario_schema_field(const cyaml_schema_field_t *fields,
+                                                  const char *key)
+{
+    for (; fields->key != NULL; fields++)
+        if (strcmp(fields->key, key) == 0)
+            return fields;
+    return NULL;
+}
+
+static const struct scenario_rule *find(const struct scenario_rule *rules, const char *key)
+{
+    for (; rules->key != NULL; rules++)
+        if (strcmp(rules->key, key) == 0)
+            return rules;
+    return NULL;
+}
+
+/* networks[0].kalman.Q[1] -> networks[].kalman.Q: the name under which rules are kept. */
+static void rule_key(const char *path, char *key, size_t size)
+{
+    size_t n = 0;
+    for (; *path != '\0' && n + 1 < size; path++) {
+        if (*path < '0' || *path > '9' || n == 0 || key[n - 1] != '[')
+            key[n++] = *path;
+    }
+    if (n >= 2 && key[n - 2] == '[' && key[n - 1] == ']')
+        n -= 2;
+    key[n] = '\0';
+}
+
+const struct scenario_rule *scenario_rule_find(const char *path)
+{
+    static const char prefix[] = "networks[].";
+    char key[SCENARIO_PATH_SIZE];
+    rule_key(path, key, sizeof key);
+    if (strncmp(key, prefix, strlen(prefix)) == 0) {
+        char *section = key + strlen(prefix);
+        char *dot = strchr(section, '.');
+        if (dot != NULL) {
+            *dot = '\0';
+            const struct method *method = method_find(section);
+            if (method != NULL)
+                return find(method->rules, dot + 1);
+            *dot = '.';
+        }
+    }
+    return find(scenario_rules, key);
+}
