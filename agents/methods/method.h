@@ -5,9 +5,9 @@
  *
  *     begin(sample)
  *     for round = 0, 1, ..:
- *         next(round, plan, message)      METHOD_ROUND: say `message`, wait for `plan`; METHOD_DONE: leave
- *         receive(round, from, message)   for every awaited node, in the order of the plan
- *     finish(estimate)
+ *         next(round, plan, message)      METHOD_ROUND: say `message`, wait for `plan`;
+ * METHOD_DONE: leave receive(round, from, message)   for every awaited node, in the order of the
+ * plan finish(estimate)
  *
  * next() closes the round before it. A node whose message did not come before a deadline is left
  * out of the receive calls: the method predicts instead. Rounds need no fixed number: a coordinated
@@ -38,18 +38,18 @@ struct method_signal {
 
 /* What a node is; filled by create. */
 struct method_info {
-    char name[64];                          /* "reactor 1" */
-    int n_states;                           /* estimated plant states, ... */
-    int states[DSE_PLANT_MAX_STATES];       /* ... their indices in the plant's state */
-    int n_groups;                           /* sensor groups (subsystems) read, ... */
-    int groups[DSE_PLANT_MAX_OUTPUTS];      /* ... in the order in which their y are stacked */
-    int n_neighbours;                       /* nodes it hears, ascending: each may be awaited */
+    char name[64];                     /* "reactor 1" */
+    int n_states;                      /* estimated plant states, ... */
+    int states[DSE_PLANT_MAX_STATES];  /* ... their indices in the plant's state */
+    int n_groups;                      /* sensor groups (subsystems) read, ... */
+    int groups[DSE_PLANT_MAX_OUTPUTS]; /* ... in the order in which their y are stacked */
+    int n_neighbours;                  /* nodes it hears, ascending: each may be awaited */
     int neighbours[METHOD_MAX_NODES];
-    int n_listeners;                        /* nodes that hear it, ascending */
+    int n_listeners; /* nodes that hear it, ascending */
     int listeners[METHOD_MAX_NODES];
     int n_diagnostics;
     struct method_signal diagnostics[METHOD_DIAGNOSTICS_CAPACITY];
-    int64_t storage_bytes;                  /* memory of the libdse object */
+    int64_t storage_bytes; /* memory of the libdse object */
 };
 
 struct method_sample {
@@ -87,19 +87,19 @@ struct method_estimate {
 struct method_setup {
     const struct scenario *scenario;
     const struct scenario_network *network;
-    const void *section;              /* the network's section for this method, of section_size bytes */
-    const struct dse_plant *process;  /* scenario->process */
-    const dse_real *prepared;         /* the estimators' own plant constants; outlive the node */
-    double period;                    /* in the plant's time unit */
+    const void *section; /* the network's section for this method, of section_size bytes */
+    const struct dse_plant *process; /* scenario->process */
+    const dse_real *prepared;        /* the estimators' own plant constants; outlive the node */
+    double period;                   /* in the plant's time unit */
     int node;
 };
 
 struct method {
-    const char *name;                    /* key of its section in a scenario: "high_gain_ekf" */
-    const char *title;                   /* "distributed adaptive high-gain EKF" */
-    const cyaml_schema_field_t *fields;  /* schema of the section, ends with CYAML_FIELD_END */
-    unsigned section_size;               /* sizeof of the structure that the fields fill */
-    const struct scenario_rule *rules;   /* limits of its numbers, ends with key NULL */
+    const char *name;                   /* key of its section in a scenario: "high_gain_ekf" */
+    const char *title;                  /* "distributed adaptive high-gain EKF" */
+    const cyaml_schema_field_t *fields; /* schema of the section, ends with CYAML_FIELD_END */
+    unsigned section_size;              /* sizeof of the structure that the fields fill */
+    const struct scenario_rule *rules;  /* limits of its numbers, ends with key NULL */
 
     /* Number of nodes, the coordinator included. */
     int (*nodes)(const struct method_setup *setup);
@@ -107,7 +107,8 @@ struct method {
     bool (*has_coordinator)(const struct method_setup *setup);
     /* Makes the node and describes it. NULL and an error text when the section does not fit the
      * plant. All memory is taken here; the other functions allocate nothing. */
-    void *(*create)(const struct method_setup *setup, struct method_info *info, struct error *error);
+    void *(*create)(const struct method_setup *setup, struct method_info *info,
+                    struct error *error);
     void (*destroy)(void *node);
 
     /* A failing status is reported and counted; the node goes on with the next sample and says in

@@ -10,7 +10,6 @@ struct error {
 
 /* Sets the text unless one is set already: the first cause is the one to report. Returns false, so
  * that a failing function can end with `return error_set(...)`. */
-bool error_set(struct error *error, const char *format, ...)
-    __attribute__((format(printf, 2, 3)));
+bool error_set(struct error *error, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 #endif

@@ -172,5 +172,7 @@ int scenario_method(const struct scenario_network *network);
 
 /* Prints the table of all keys: type, default, limits, meaning (dse-run --keys). */
 void scenario_print_keys(void);
+/* Prints name and title of every scenario in the folders (dse-run --list). */
+void scenario_print_list(void);
 
 #endif

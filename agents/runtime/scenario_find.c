@@ -166,3 +166,20 @@ bool scenario_find(const char *name, char *path, unsigned path_size, struct erro
     free(listing);
     return good;
 }
+
+void scenario_print_list(void)
+{
+    struct listing *listing = malloc(sizeof *listing);
+    if (listing == NULL)
+        return;
+    list_folders(listing);
+    for (int i = 0; i < listing->count; i++) {
+        struct error error = {0};
+        struct scenario *scenario = scenario_read(listing->path[i], NULL, 0, &error);
+        const char *title = scenario != NULL ? scenario->title : error.text;
+        printf("%-36.*s %s\n", (int)strcspn(name_of(listing->path[i]), "."),
+               name_of(listing->path[i]), title != NULL ? title : "");
+        scenario_free(scenario);
+    }
+    free(listing);
+}

@@ -1,0 +1,138 @@
+/* dse-estimator: the estimators of one or several nodes of a scenario's networks. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "dse_clock_t.h"
+#include "runtime/node.h"
+#include "runtime/options.h"
+
+#define MAX_AGENTS     4096
+#define OPTION_NODE    OPTION_OWN
+#define OPTION_NETWORK (OPTION_OWN + 1)
+
+static const char program[] = "dse-estimator";
+
+static const char help[] =
+    "usage: dse-estimator SCENARIO --node N [options]\n"
+    "\n"
+    "Runs node N of every network of the scenario: waits until the plant asks who takes part,\n"
+    "then estimates sample by sample, talking to the other nodes over LCM.\n"
+    "\n"
+    "  --node N | N..M    the node, or several nodes in this process (required)\n"
+    "  --network NAME     only this network (default: all that have the node)\n";
+
+struct choice {
+    int64_t first, last;
+    const char *network;
+};
+
+static bool take_nodes(struct choice *choice, char *value, struct error *error)
+{
+    char *dots = strstr(value, "..");
+    if (dots != NULL)
+        *dots = '\0';
+    return options_integer("node", value, 0, METHOD_MAX_NODES - 1, &choice->first, error) &&
+           options_integer("node", dots != NULL ? dots + 2 : value, choice->first,
+                           METHOD_MAX_NODES - 1, &choice->last, error);
+}
+
+/* 0: go on; otherwise an exit code + 1. */
+static int read_options(int argc, char **argv, struct options *options, struct choice *choice)
+{
+    static const struct option table[] = {OPTIONS_COMMON,
+                                          {"node", required_argument, NULL, OPTION_NODE},
+                                          {"network", required_argument, NULL, OPTION_NETWORK},
+                                          {0}};
+    struct error error = {0};
+    choice->first = -1;
+    int option;
+    while ((option = getopt_long(argc, argv, "h", table, NULL)) != -1) {
+        bool ok = true;
+        if (option == 'h') {
+            printf("%s%s", help, options_common_help);
+            return 1;
+        } else if (option == OPTION_VERSION) {
+            printf("dse %s\n", DSE_VERSION);
+            return 1;
+        } else if (option == '?') {
+            return EXIT_BAD_INPUT + 1;
+        } else if (option == OPTION_NODE) {
+            ok = take_nodes(choice, optarg, &error);
+        } else if (option == OPTION_NETWORK) {
+            choice->network = optarg;
+        } else {
+            ok = options_take(options, option, optarg, &error);
+        }
+        if (!ok)
+            return options_complain(program, &error) + 1;
+    }
+    if (optind < argc)
+        options->scenario = argv[optind];
+    if (optind + 1 < argc)
+        error_set(&error, "%s: only one scenario can be run at a time", argv[optind + 1]);
+    else if (choice->first < 0)
+        error_set(&error, "which node? Give --node N (0 is the first) or --node N..M");
+    return error.text[0] != '\0' ? options_complain(program, &error) + 1 : 0;
+}
+
+static bool make_agents(const struct scenario *scenario, const struct options *options,
+                        const struct choice *choice, struct bus *bus, struct agent *agents,
+                        int *n_agents, struct error *error)
+{
+    bool known = choice->network == NULL;
+    int most = 0;
+    for (unsigned i = 0; i < scenario->networks_count; i++) {
+        if (choice->network != NULL && strcmp(choice->network, scenario->networks[i].name) != 0)
+            continue;
+        known = true;
+        int nodes = node_count(scenario, (int)i, NULL, error);
+        if (nodes < 0)
+            return false;
+        most = nodes > most ? nodes : most;
+        for (int64_t n = choice->first; n <= choice->last && n < nodes; n++) {
+            struct node_config config = {.scenario = scenario,
+                                         .network = (int)i,
+                                         .node = (int)n,
+                                         .pace = options->pace,
+                                         .run_id = options->run_id};
+            if (*n_agents == MAX_AGENTS)
+                return error_set(error, "more than %d nodes in one process", MAX_AGENTS);
+            if (!node_create(&config, bus, &agents[*n_agents], error))
+                return false;
+            ++*n_agents;
+        }
+    }
+    if (!known)
+        return error_set(error, "--network %s: %s has no such network", choice->network,
+                         scenario->file);
+    if (choice->last >= most)
+        return error_set(error, "--node %d: the nodes of %s are 0 to %d", (int)choice->last,
+                         scenario->file, most - 1);
+    return true;
+}
+
+int main(int argc, char **argv)
+{
+    struct options options = {0};
+    struct choice choice = {0};
+    struct error error = {0};
+    static struct agent agents[MAX_AGENTS];
+    int n_agents = 0;
+    int stop = read_options(argc, argv, &options, &choice);
+    if (stop != 0)
+        return stop - 1;
+    host_catch_signals();
+    struct scenario *scenario = options_scenario(&options, &error);
+    struct bus *bus = scenario != NULL ? bus_open(options.lcm_url, &error) : NULL;
+    int code = EXIT_BAD_INPUT;
+    if (bus != NULL && make_agents(scenario, &options, &choice, bus, agents, &n_agents, &error))
+        code = host_run(bus, agents, n_agents, NULL, NULL, &error) ? 0 : EXIT_RUN;
+    if (error.text[0] != '\0')
+        options_complain(program, &error);
+    for (int i = 0; i < n_agents; i++)
+        agents[i].destroy(agents[i].self);
+    bus_close(bus);
+    scenario_free(scenario);
+    return code;
+}

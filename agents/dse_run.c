@@ -1,0 +1,171 @@
+/* dse-run: runs a scenario, as processes or in one, or re-estimates from a recorded log. */
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "dse_clock_t.h"
+#include "run/run.h"
+#include "runtime/agent.h"
+
+enum {
+    OPTION_INPROC = OPTION_OWN,
+    OPTION_REPLAY,
+    OPTION_LOG,
+    OPTION_NO_LOG,
+    OPTION_DRY_RUN,
+    OPTION_QUIET,
+    OPTION_KEYS,
+    OPTION_LIST
+};
+
+static const char program[] = "dse-run";
+
+static const char help[] =
+    "usage: dse-run SCENARIO [options]\n"
+    "       dse-run --replay LOG [options]\n"
+    "\n"
+    "Runs the plant of a scenario and its networks of estimators and records everything they say.\n"
+    "SCENARIO is a YAML file or the beginning of a shipped scenario's name: dse-run ahg-43\n"
+    "\n"
+    "  --log FILE         where to record (default runs/SCENARIO-DATE-TIME.lcm); --no-log: "
+    "nowhere\n"
+    "  --inproc           everything in one process instead of one process per node\n"
+    "  --replay LOG       estimate again from the measurements in LOG, as fast as it goes, and\n"
+    "                     compare with the recorded estimates bit for bit\n"
+    "  --dry-run          print who would be started and who would talk to whom\n"
+    "  --list             the shipped scenarios\n"
+    "  --keys             all keys of a scenario with their limits and defaults\n"
+    "  --quiet            no progress lines\n";
+
+static bool take(struct run_options *options, int option, const char *value, struct error *error)
+{
+    switch (option) {
+    case OPTION_INPROC:
+        options->inproc = true;
+        return true;
+    case OPTION_REPLAY:
+        options->replay = value;
+        return true;
+    case OPTION_LOG:
+        options->log = value;
+        return true;
+    case OPTION_NO_LOG:
+        options->log = "";
+        return true;
+    case OPTION_DRY_RUN:
+        options->dry_run = true;
+        return true;
+    case OPTION_QUIET:
+        options->quiet = true;
+        return true;
+    default:
+        return options_take(&options->common, option, value, error);
+    }
+}
+
+static bool consistent(const struct run_options *options, struct error *error)
+{
+    if (options->replay != NULL && options->common.scenario != NULL)
+        return error_set(error, "--replay takes the scenario from the log: leave out %s",
+                         options->common.scenario);
+    if (options->replay != NULL && options->common.pace_given)
+        return error_set(error, "--replay goes as fast as it can: leave out --pace");
+    if (options->inproc && options->common.pace == DSE_CLOCK_T_PACE_REPLAY)
+        return error_set(error, "--pace replay needs processes on a bus: leave out --inproc, or "
+                                "use --replay LOG");
+    return true;
+}
+
+/* 0: go on; otherwise an exit code + 1. */
+static int read_options(int argc, char **argv, struct run_options *options)
+{
+    static const struct option table[] = {OPTIONS_COMMON,
+                                          {"inproc", no_argument, NULL, OPTION_INPROC},
+                                          {"replay", required_argument, NULL, OPTION_REPLAY},
+                                          {"log", required_argument, NULL, OPTION_LOG},
+                                          {"no-log", no_argument, NULL, OPTION_NO_LOG},
+                                          {"dry-run", no_argument, NULL, OPTION_DRY_RUN},
+                                          {"quiet", no_argument, NULL, OPTION_QUIET},
+                                          {"keys", no_argument, NULL, OPTION_KEYS},
+                                          {"list", no_argument, NULL, OPTION_LIST},
+                                          {0}};
+    struct error error = {0};
+    int option;
+    while ((option = getopt_long(argc, argv, "h", table, NULL)) != -1) {
+        if (option == 'h')
+            printf("%s%s", help, options_common_help);
+        else if (option == OPTION_VERSION)
+            printf("dse %s\n", DSE_VERSION);
+        else if (option == OPTION_KEYS)
+            scenario_print_keys();
+        else if (option == OPTION_LIST)
+            scenario_print_list();
+        else if (option == '?')
+            return EXIT_BAD_INPUT + 1;
+        else if (!take(options, option, optarg, &error))
+            return options_complain(program, &error) + 1;
+        else
+            continue;
+        return 1;
+    }
+    if (optind < argc)
+        options->common.scenario = argv[optind];
+    if (optind + 1 < argc)
+        error_set(&error, "%s: only one scenario can be run at a time", argv[optind + 1]);
+    else
+        consistent(options, &error);
+    return error.text[0] != '\0' ? options_complain(program, &error) + 1 : 0;
+}
+
+bool run_log_path(const struct run_options *options, const struct scenario *scenario, char *path,
+                  int size, struct error *error)
+{
+    if (options->log != NULL) {
+        snprintf(path, (size_t)size, "%s", options->log);
+    } else {
+        char when[32];
+        time_t now = time(NULL);
+        struct tm local;
+        localtime_r(&now, &local);
+        strftime(when, sizeof when, "%Y%m%d-%H%M%S", &local);
+        if (mkdir("runs", 0777) != 0 && errno != EEXIST)
+            return error_set(error, "cannot make the folder runs: %s; give a place with --log",
+                             strerror(errno));
+        snprintf(path, (size_t)size, "runs/%s-%s.lcm", scenario->name, when);
+    }
+    if (path[0] == '\0')
+        return true;
+    FILE *file = fopen(path, "wb");
+    if (file == NULL)
+        return error_set(error, "cannot write the log %s: %s", path, strerror(errno));
+    fclose(file);
+    return true;
+}
+
+int main(int argc, char **argv)
+{
+    struct run_options options = {0};
+    struct error error = {0};
+    int stop = read_options(argc, argv, &options);
+    if (stop != 0)
+        return stop - 1;
+    host_catch_signals();
+    if (options.replay != NULL)
+        return run_replay(&options);
+    struct scenario *scenario = options_scenario(&options.common, &error);
+    if (scenario == NULL)
+        return options_complain(program, &error);
+    int code;
+    if (options.dry_run)
+        code = run_dry(&options, scenario);
+    else if (options.inproc)
+        code = run_inproc(&options, scenario);
+    else
+        code = run_processes(&options, scenario);
+    scenario_free(scenario);
+    return code;
+}

@@ -1,0 +1,254 @@
+/* The exchange with the neighbours, round by round. Messages are handed to the method in the order
+ * of the senders, not of their arrival, so that scheduling never changes a result. A message that
+ * is missing is asked for by saying the own one again. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "runtime/node_internal.h"
+
+bool node_rounds_create(struct node *node, struct error *error)
+{
+    node->inboxes = calloc((size_t)node->info.n_neighbours + 1, sizeof *node->inboxes);
+    node->outgoing = calloc(METHOD_MESSAGE_CAPACITY, sizeof *node->outgoing);
+    if (node->inboxes == NULL || node->outgoing == NULL)
+        return error_set(error, "out of memory");
+    for (int j = 0; j < node->info.n_neighbours; j++) {
+        node->inboxes[j].from = node->info.neighbours[j];
+        for (int s = 0; s < NODE_INBOX; s++)
+            node->inboxes[j].slots[s].k = -1;
+    }
+    for (int i = 0; i < NODE_HISTORY; i++)
+        node->history[i].k = -1;
+    return true;
+}
+
+void node_rounds_destroy(struct node *node)
+{
+    for (int j = 0; node->inboxes != NULL && j < node->info.n_neighbours; j++)
+        for (int s = 0; s < NODE_INBOX; s++)
+            free(node->inboxes[j].slots[s].vector.value);
+    for (int i = 0; i < NODE_HISTORY; i++)
+        free(node->history[i].value);
+    free(node->inboxes);
+    free(node->outgoing);
+}
+
+static bool is_over(const struct node *node, int64_t k, int round)
+{
+    return k < node->k || (k == node->k && node->phase == NODE_IN_ROUND && round < node->round);
+}
+
+static struct inbox *inbox_of(struct node *node, int from)
+{
+    for (int j = 0; j < node->info.n_neighbours; j++)
+        if (node->inboxes[j].from == from)
+            return &node->inboxes[j];
+    return NULL;
+}
+
+static struct inbox_slot *find_slot(struct inbox *inbox, int64_t k, int round)
+{
+    for (int s = 0; s < NODE_INBOX; s++)
+        if (inbox->slots[s].k == k && inbox->slots[s].round == round)
+            return &inbox->slots[s];
+    return NULL;
+}
+
+/* A place for (k, round); NULL when all are taken by messages of coming rounds: this one will be
+ * asked for in its turn. */
+static struct inbox_slot *open_slot(const struct node *node, struct inbox *inbox, int64_t k,
+                                    int round)
+{
+    struct inbox_slot *slot = find_slot(inbox, k, round);
+    if (slot != NULL)
+        return slot;
+    for (int s = 0; s < NODE_INBOX; s++) {
+        slot = &inbox->slots[s];
+        if (slot->k >= 0 && !is_over(node, slot->k, slot->round))
+            continue;
+        slot->k = k;
+        slot->round = round;
+        message_vector_reset(&slot->vector);
+        return slot;
+    }
+    return NULL;
+}
+
+static bool make_room(struct message_vector *vector, int parts)
+{
+    int needed = parts * DSE_EXCHANGE_T_CAPACITY;
+    if (needed > METHOD_MESSAGE_CAPACITY)
+        return false;
+    if (needed <= vector->capacity)
+        return true;
+    double *grown = realloc(vector->value, (size_t)needed * sizeof *grown);
+    if (grown == NULL)
+        return false;
+    vector->value = grown;
+    vector->capacity = needed;
+    return true;
+}
+
+/* Says an own message again for somebody who asks. */
+static void answer(struct node *node, int64_t k, int round)
+{
+    for (int i = 0; i < NODE_HISTORY; i++) {
+        const struct spoken *spoken = &node->history[i];
+        if (spoken->k != k || spoken->round != round)
+            continue;
+        struct sender_exchange what = {.round = round,
+                                       .intent = DSE_EXCHANGE_T_INTENT_ANSWER,
+                                       .withheld = spoken->withheld,
+                                       .count = spoken->count,
+                                       .value = spoken->value};
+        sender_exchange(&node->sender, k, (double)k * node->setup.period, spoken->sequence, &what);
+        node->answered++;
+        return;
+    }
+}
+
+void node_take_exchange(struct node *node, const dse_exchange_t *message)
+{
+    const dse_header_t *header = &message->header;
+    if (message->intent == DSE_EXCHANGE_T_INTENT_ASK && message->part == 0)
+        answer(node, header->sample, header->round);
+    struct inbox *inbox = inbox_of(node, header->node);
+    if (inbox == NULL)
+        return;
+    if (is_over(node, header->sample, header->round)) {
+        node->counters.duplicates++;
+        return;
+    }
+    struct inbox_slot *slot = open_slot(node, inbox, header->sample, header->round);
+    if (slot == NULL)
+        return;
+    if (message_vector_complete(&slot->vector)) {
+        node->counters.duplicates++;
+        return;
+    }
+    if (!make_room(&slot->vector, message->parts) ||
+        !message_vector_add(&slot->vector, message->part, message->parts, message->count,
+                            message->value)) {
+        node->counters.refused_count++;
+        return;
+    }
+    slot->withheld = message->withheld != 0;
+}
+
+static void remember(struct node *node, const struct method_message *message)
+{
+    struct spoken *spoken = &node->history[node->next_spoken];
+    node->said_in_round = NULL;
+    if (spoken->value == NULL)
+        spoken->value = malloc(METHOD_MESSAGE_CAPACITY * sizeof *spoken->value);
+    if (spoken->value == NULL)
+        return;
+    node->next_spoken = (node->next_spoken + 1) % NODE_HISTORY;
+    spoken->k = node->k;
+    spoken->round = node->round;
+    spoken->sequence = sender_sequence(&node->sender, SENDER_EXCHANGE);
+    spoken->withheld = message->withheld;
+    spoken->count = message->count;
+    memcpy(spoken->value, message->value, (size_t)message->count * sizeof *spoken->value);
+    node->said_in_round = spoken;
+}
+
+static void say(struct node *node, const struct method_message *message)
+{
+    remember(node, message);
+    struct sender_exchange what = {.round = node->round,
+                                   .intent = DSE_EXCHANGE_T_INTENT_TELL,
+                                   .withheld = message->withheld,
+                                   .count = message->count,
+                                   .value = message->value};
+    sender_exchange(&node->sender, node->k, node->t, -1, &what);
+    if (!message->withheld) {
+        node->sent++;
+        node->sent_bytes += 8 * message->count;
+    }
+}
+
+bool node_open_round(struct node *node)
+{
+    struct method_plan *plan = &node->plan;
+    struct method_message message = {.value = node->outgoing};
+    plan->speak = true;
+    plan->n_wait = node->info.n_neighbours;
+    memcpy(plan->wait, node->info.neighbours, (size_t)plan->n_wait * sizeof *plan->wait);
+    double before = host_now();
+    enum method_step step = node->method->next(node->instance, node->round, plan, &message);
+    node->step_s += host_now() - before;
+    if (step == METHOD_DONE)
+        return false;
+    node->said_in_round = NULL;
+    if (plan->speak)
+        say(node, &message);
+    node->round_started = host_now();
+    node->last_repeat = node->round_started;
+    return true;
+}
+
+static struct inbox_slot *awaited(const struct node *node, int i)
+{
+    struct inbox *inbox = inbox_of((struct node *)node, node->plan.wait[i]);
+    if (inbox == NULL)
+        return NULL;
+    struct inbox_slot *slot = find_slot(inbox, node->k, node->round);
+    return slot != NULL && message_vector_complete(&slot->vector) ? slot : NULL;
+}
+
+bool node_round_complete(const struct node *node)
+{
+    for (int i = 0; i < node->plan.n_wait; i++)
+        if (awaited(node, i) == NULL)
+            return false;
+    return true;
+}
+
+void node_close_round(struct node *node)
+{
+    double before = host_now();
+    for (int i = 0; i < node->plan.n_wait; i++) {
+        struct inbox_slot *slot = awaited(node, i);
+        if (slot == NULL) {
+            node->predicted++;
+            continue;
+        }
+        struct method_message message = {
+            .withheld = slot->withheld, .count = slot->vector.count, .value = slot->vector.value};
+        enum dse_status status =
+            node->method->receive(node->instance, node->round, node->plan.wait[i], &message);
+        if (status != DSE_OK)
+            node->counters.refused_count++;
+        slot->k = -1;
+    }
+    node->step_s += host_now() - before;
+}
+
+void node_ask(struct node *node)
+{
+    const struct spoken *spoken = node->said_in_round;
+    struct sender_exchange what = {.round = node->round,
+                                   .intent = DSE_EXCHANGE_T_INTENT_ASK,
+                                   .withheld = spoken == NULL || spoken->withheld,
+                                   .count = spoken == NULL ? 0 : spoken->count,
+                                   .value = spoken == NULL ? node->outgoing : spoken->value};
+    sender_exchange(&node->sender, node->k, node->t, spoken == NULL ? -1 : spoken->sequence, &what);
+    node->asked++;
+}
+
+void node_awaited(const struct node *node, char *text, int size)
+{
+    int first = -1;
+    int others = -1;
+    for (int i = 0; i < node->plan.n_wait; i++)
+        if (awaited(node, i) == NULL) {
+            first = first < 0 ? node->plan.wait[i] : first;
+            others++;
+        }
+    if (others > 0)
+        snprintf(text, (size_t)size, "node %d and %d other(s)", first, others);
+    else
+        snprintf(text, (size_t)size, "node %d", first);
+}

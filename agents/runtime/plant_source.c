@@ -1,0 +1,105 @@
+/* The simulated plant of a scenario as a source of samples. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "runtime/clock.h"
+#include "sim/simulator.h"
+
+struct plant {
+    struct simulator *sim;
+    dse_real *values, *prepared;
+    double *u;
+};
+
+static bool next(void *self, int64_t k, struct sample_data *data, char *reason, int size)
+{
+    struct plant *plant = self;
+    if (k > 0 && !sim_step(plant->sim, reason, size))
+        return false;
+    data->t = sim_time(plant->sim);
+    data->x = sim_state(plant->sim);
+    data->u = sim_input(plant->sim);
+    data->y = sim_output(plant->sim);
+    data->valid = NULL;
+    return true;
+}
+
+static void destroy(void *self)
+{
+    struct plant *plant = self;
+    if (plant->sim != NULL)
+        sim_destroy(plant->sim);
+    free(plant->values);
+    free(plant->prepared);
+    free(plant->u);
+    free(plant);
+}
+
+static struct sim_noise noise_of(const struct scenario_noise *noise)
+{
+    static const enum sim_distribution kinds[] = {
+        [SCENARIO_NONE] = SIM_NONE,
+        [SCENARIO_UNIFORM] = SIM_UNIFORM,
+        [SCENARIO_GAUSSIAN] = SIM_GAUSSIAN,
+    };
+    return (struct sim_noise){.distribution = kinds[noise->distribution], .scale = noise->scale};
+}
+
+static const struct dse_parameter_set *set_of(const struct scenario *scenario)
+{
+    const struct dse_plant *process = scenario->process;
+    for (int i = 0; scenario->plant.set != NULL && i < process->n_sets; i++)
+        if (strcmp(process->sets[i].name, scenario->plant.set) == 0)
+            return &process->sets[i];
+    return &process->sets[0];
+}
+
+static void fill_inputs(const struct scenario *scenario, double *u)
+{
+    for (int i = 0; i < scenario->process->nu; i++)
+        u[i] = scenario->plant.inputs != NULL ? scenario->plant.inputs[i]
+                                              : (double)scenario->process->inputs[i].nominal;
+}
+
+bool plant_source(const struct scenario *scenario, struct sample_source *source,
+                  struct error *error)
+{
+    const struct dse_plant *process = scenario->process;
+    const struct scenario_integrator *integrator = &scenario->plant.integrator;
+    struct plant *plant = calloc(1, sizeof *plant);
+    if (plant == NULL)
+        return error_set(error, "out of memory");
+    plant->values = calloc((size_t)process->n_parameters + 1, sizeof *plant->values);
+    plant->prepared = calloc((size_t)process->prepared_size + 1, sizeof *plant->prepared);
+    plant->u = calloc((size_t)process->nu + 1, sizeof *plant->u);
+    char reason[256] = "out of memory";
+    bool ok = plant->values != NULL && plant->prepared != NULL && plant->u != NULL &&
+              scenario_prepare_plant(scenario, NULL, plant->values, plant->prepared, error);
+    if (ok) {
+        fill_inputs(scenario, plant->u);
+        struct sim_config config = {
+            .plant = process,
+            .prepared = plant->prepared,
+            .x0 = scenario->plant.x0 != NULL ? scenario->plant.x0 : set_of(scenario)->x0,
+            .u = plant->u,
+            .period = scenario_period(scenario),
+            .integrator = integrator->kind == SCENARIO_RK4 ? SIM_RK4 : SIM_CVODE,
+            .rtol = integrator->rtol > 0 ? integrator->rtol : 1e-10,
+            .atol = integrator->atol > 0 ? integrator->atol : 1e-12,
+            .process = noise_of(&scenario->noise.process),
+            .measurement = noise_of(&scenario->noise.measurement),
+            .seed = scenario->seed,
+        };
+        plant->sim = sim_create(&config, reason, (int)sizeof reason);
+        ok = plant->sim != NULL;
+    }
+    if (!ok) {
+        destroy(plant);
+        return error_set(error, "cannot set up the plant %s: %s", process->name, reason);
+    }
+    source->self = plant;
+    source->next = next;
+    source->destroy = destroy;
+    return true;
+}
