@@ -150,13 +150,13 @@ static enum dse_status integrate(struct run *run, dse_real t0, dse_real t1,
         enum dse_status status = try_step(run, t, direction * h, &error);
         if (status != DSE_OK && status != DSE_EMODEL && status != DSE_ENONFINITE)
             return status;
-        trouble = status != DSE_OK ? status : DSE_ENOCONV;
         if (status != DSE_OK || error > 1) {
             dse_real factor = SHRINK_AT_MOST;
             if (status == DSE_OK)
                 factor = step_factor(error, 1, false);
             result->h = h * factor;
             result->rejected++;
+            trouble = status != DSE_OK ? status : DSE_ENOCONV;
             may_grow = false;
             continue;
         }
@@ -170,6 +170,8 @@ static enum dse_status integrate(struct run *run, dse_real t0, dse_real t1,
             return DSE_OK;
         t += direction * h;
         previous_error = dse_max(error, SMALLEST_ERROR);
+        if (may_grow) /* two good steps in a row: the trouble is over */
+            trouble = DSE_ENOCONV;
         may_grow = true;
     }
     return trouble;

@@ -37,9 +37,10 @@ enum dse_status dse_rk4_model_step(const struct dse_model *model, dse_real t, ds
  *   |error_j| <= atol + rtol max(|x_j|, |new x_j|)   for each state and step.
  * t1 may lie before t0. A step into a region where f fails (DSE_EMODEL) or is not finite is
  * repeated with a fifth of its size.
+ *
  * Errors: DSE_EINVAL (negative or non-finite setting, n < 1), DSE_ENONFINITE (t0, t1 or x),
- * DSE_ENOCONV (max_steps, or the step has become too small to move t) - or, when the last try ended
- * there, the status of what stopped it, DSE_EMODEL or DSE_ENONFINITE. */
+ * DSE_ENOCONV (max_steps, or the step has become too small to move t) - or DSE_EMODEL or
+ * DSE_ENONFINITE when that is why the steps became so small. */
 struct dse_rk45_config {
     dse_real rtol; /* > 0; 0 means 1e-6 */
     dse_real atol; /* > 0, in the units of x; 0 means 1e-9 */
@@ -63,10 +64,13 @@ enum dse_status dse_rk45_integrate(dse_ode_rhs f, void *context,
  *   (I - gamma h J) k1 = f(t, x)
  *   (I - gamma h J) k2 = f(t + h, x + h k1) - 2 k1
  *   x += h/2 (3 k1 + k2),      gamma = 1 - 1/sqrt 2
- * L-stable; order 2 with any matrix J, so an approximate dfdx and a time-dependent f cost accuracy
- * but not order. gamma = 1 + 1/sqrt 2 would be L-stable as well, and its stages overshoot less, but
- * its error is 34 times larger. Errors: DSE_EINVAL (discrete model or no dfdx), DSE_ESINGULAR,
- * DSE_ENONFINITE, what f and dfdx answer. scratch: DSE_ROS2_SCRATCH(n) reals. */
+ * L-stable. Order 2 with any matrix J, so an approximate dfdx costs accuracy but not order. A stiff
+ * f that depends on t itself costs more: its error is of order h, for dse_model has no df/dt.
+ * gamma = 1 + 1/sqrt 2 would be L-stable as well, and its stages overshoot less, but its error is
+ * 34 times larger.
+ *
+ * Errors: DSE_EINVAL (discrete model or no dfdx), DSE_ESINGULAR, DSE_ENONFINITE, what f and dfdx
+ * answer. scratch: DSE_ROS2_SCRATCH(n) reals. */
 #define DSE_ROS2_SCRATCH(n) ((n) * (n) + 3 * (n) + DSE_ODE_PIVOTS(n))
 #define DSE_ODE_PIVOTS(n)   (n)
 enum dse_status dse_ros2_step(const struct dse_model *model, dse_real t, dse_real h,
