@@ -1,0 +1,276 @@
+/* Factored covariances against dense formulas, and where dense formulas fail. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "dse/factored.h"
+#include "dse/linalg.h"
+#include "dse/math.h"
+
+#define N_MAX 30
+#define AREA  (N_MAX * N_MAX)
+#define EPS   DSE_REAL_EPSILON
+#define HUGE  DSE_REAL(1e12)
+#define TINY  DSE_REAL(1e-12)
+
+static const int sizes[] = {1, 2, 3, 4, 5, 8, 13, 15, 16, 30};
+#define N_SIZES ((int)(sizeof sizes / sizeof sizes[0]))
+
+static dse_real T[AREA], d[N_MAX], Tp[AREA], dp[N_MAX], v[N_MAX];
+static dse_real scratch[AREA + DSE_FACTORED_PREDICT_SCRATCH(N_MAX)];
+
+static uint64_t seed;
+
+static dse_real uniform(void)
+{
+    seed = seed * 6364136223846793005u + 1442695040888963407u;
+    return (dse_real)((double)(seed >> 11) / 4503599627370496.0 - 1.0);
+}
+
+static void fill(int n, dse_real *x)
+{
+    for (int i = 0; i < n; i++)
+        x[i] = uniform();
+}
+
+/* P = G G' with G n x rank: semidefinite when rank < n. */
+static void fill_psd(int n, int rank, dse_real *P)
+{
+    static dse_real G[AREA];
+    fill(n * rank, G);
+    dse_mat_mul_nt(n, rank, n, G, G, P);
+}
+
+static void assert_near(int n, const dse_real *a, const dse_real *b, dse_real bound)
+{
+    for (int i = 0; i < n; i++) {
+        if (!(dse_abs(a[i] - b[i]) <= bound)) {
+            print_error("entry %d: %.17g and %.17g differ by more than %g\n", i, (double)a[i],
+                        (double)b[i], (double)bound);
+            fail();
+        }
+    }
+}
+
+static void assert_weights_not_negative(int n, const dse_real *weights)
+{
+    for (int i = 0; i < n; i++)
+        assert_true(weights[i] >= 0);
+}
+
+static void semidefinite_rows_reproduce_badly_scaled_matrices(void **state)
+{
+    (void)state;
+    static dse_real P[AREA], Y[AREA], weights[N_MAX], sum[AREA];
+    for (int in = 0; in < N_SIZES; in++) {
+        const int n = sizes[in];
+        for (int rank = 0; rank <= n; rank += (n + 2) / 3) {
+            dse_real scale[N_MAX];
+            fill_psd(n, rank, P);
+            for (int i = 0; i < n; i++)
+                scale[i] = i % 2 ? DSE_REAL(1e6) : DSE_REAL(1e-6);
+            for (int i = 0; i < n * n; i++)
+                P[i] *= scale[i / n] * scale[i % n];
+            assert_int_equal(dse_semidefinite_rows(n, P, Y, weights), DSE_OK);
+            int positive = 0;
+            for (int i = 0; i < n; i++)
+                positive += weights[i] > 0;
+            assert_int_equal(positive, rank);
+            for (int i = 0; i < n * n; i++) {
+                sum[i] = 0;
+                for (int k = 0; k < n; k++)
+                    sum[i] += weights[k] * Y[k * n + i / n] * Y[k * n + i % n];
+                const dse_real size = scale[i / n] * scale[i % n];
+                assert_near(1, sum + i, P + i, 300 * (dse_real)n * EPS * size);
+            }
+        }
+    }
+}
+
+static void factors_reproduce_definite_and_semidefinite_matrices(void **state)
+{
+    (void)state;
+    static dse_real P[AREA], expanded[AREA], diagonal[N_MAX];
+    for (int in = 0; in < N_SIZES; in++) {
+        const int n = sizes[in];
+        for (int rank = 0; rank <= n; rank += (n + 2) / 3) {
+            fill_psd(n, rank, P);
+            assert_int_equal(dse_factored_from(n, P, T, d, scratch), DSE_OK);
+            assert_weights_not_negative(n, d);
+            dse_factored_expand(n, T, d, expanded);
+            assert_near(n * n, expanded, P, 300 * (dse_real)(n * n) * EPS);
+            dse_factored_diagonal(n, T, d, diagonal);
+            for (int i = 0; i < n; i++)
+                assert_near(1, diagonal + i, expanded + i * n + i, 8 * (dse_real)(n * n) * EPS);
+        }
+    }
+}
+
+static void factors_of_an_indefinite_or_non_finite_matrix_are_refused(void **state)
+{
+    (void)state;
+    const dse_real nan = (dse_real)__builtin_nan(""), inf = (dse_real)__builtin_inf();
+    const struct {
+        dse_real P[4];
+        enum dse_status status;
+    } cases[] = {{{-1, 0, 0, 1}, DSE_ENOTPD},
+                 {{1, 2, 2, 1}, DSE_ENOTPD},
+                 {{0, 0, 0, -1}, DSE_ENOTPD},
+                 {{0, 1, 1, 0}, DSE_ENOTPD},
+                 {{0, 1, 1, 1}, DSE_ENOTPD},
+                 {{nan, 0, 0, 1}, DSE_ENONFINITE},
+                 {{1, nan, nan, 1}, DSE_ENONFINITE},
+                 {{1, 0, 0, inf}, DSE_ENONFINITE},
+                 {{0, 0, 0, 0}, DSE_OK},
+                 {{0, 0, 0, 1}, DSE_OK},
+                 {{1, 0, 0, 0}, DSE_OK},
+                 {{1, 1, 1, 1}, DSE_OK}};
+    for (size_t c = 0; c < sizeof cases / sizeof cases[0]; c++)
+        assert_int_equal(dse_factored_from(2, cases[c].P, T, d, scratch), cases[c].status);
+}
+
+/* Expected F P F' + w Q. */
+static void dense_prediction(int n, const dse_real *F, const dse_real *P, const dse_real *Q,
+                             dse_real w, dse_real *expected)
+{
+    static dse_real work[AREA];
+    dse_sym_congruence(n, n, F, P, NULL, expected, work);
+    for (int i = 0; Q && i < n * n; i++)
+        expected[i] += w * Q[i];
+}
+
+static void prediction_equals_the_dense_formula_for_any_rank(void **state)
+{
+    (void)state;
+    static dse_real P[AREA], Q[AREA], F[AREA], expected[AREA], result[AREA];
+    for (int in = 0; in < N_SIZES; in++) {
+        const int n = sizes[in], ranks[3] = {0, (n + 1) / 2, n};
+        for (int c = 0; c < 9; c++) { /* singular sums take the orthogonal way, regular ones not */
+            fill_psd(n, ranks[c / 3], P);
+            fill_psd(n, ranks[c % 3], Q);
+            fill(n * n, F);
+            const bool noise = ranks[c % 3] > 0;
+            dense_prediction(n, F, P, noise ? Q : NULL, DSE_REAL(0.3), expected);
+            assert_int_equal(dse_factored_from(n, P, T, d, scratch), DSE_OK);
+            for (int i = 0; i < n * n; i++)
+                scratch[i] = F[i];
+            assert_int_equal(
+                dse_factored_predict(n, T, d, noise ? Q : NULL, DSE_REAL(0.3), scratch, Tp, dp),
+                DSE_OK);
+            assert_weights_not_negative(n, dp);
+            assert_true(dse_factored_is_finite(n, Tp, dp));
+            dse_factored_expand(n, Tp, dp, result);
+            const dse_real scale = 1 + dse_norm_max(n * n, expected);
+            assert_near(n * n, result, expected, 300 * (dse_real)(n * n) * EPS * scale);
+            for (int i = 0; i < n * n; i++)
+                scratch[i] = F[i];
+            assert_int_equal(
+                dse_factored_predict(n, T, d, noise ? Q : NULL, DSE_REAL(0.3), scratch, T, d),
+                DSE_OK); /* in place */
+            assert_near(n, d, dp, 0);
+        }
+    }
+}
+
+/* Two states that differ by 1e-12 of variance on top of 1e12: the dense sum cannot hold that. */
+static void prediction_keeps_a_difference_that_a_dense_sum_would_lose(void **state)
+{
+    (void)state;
+    dse_real Tc[4] = {1, 1, 0, 1}, dc[2] = {HUGE, TINY}; /* x2 = x1 + tiny */
+    const dse_real difference[2] = {-1, 1};
+    for (int step = 0; step < 100; step++) {
+        dse_mat_identity(2, scratch);
+        assert_int_equal(dse_factored_predict(2, Tc, dc, NULL, 0, scratch, Tc, dc), DSE_OK);
+    }
+    const dse_real variance = dse_factored_form(2, Tc, dc, difference);
+    assert_near(1, &variance, &(dse_real){TINY}, 1000 * EPS * TINY);
+}
+
+static void prediction_reports_non_finite_results_and_an_indefinite_noise(void **state)
+{
+    (void)state;
+    const dse_real P[4] = {1, 0, 0, 1}, indefinite[4] = {-5, 0, 0, -5};
+    for (int i = 0; i < 4; i++) {
+        assert_int_equal(dse_factored_from(2, P, T, d, scratch), DSE_OK);
+        dse_mat_identity(2, scratch);
+        scratch[i] = (dse_real)(i % 2 ? __builtin_nan("") : __builtin_inf());
+        assert_int_equal(dse_factored_predict(2, T, d, P, 1, scratch, Tp, dp), DSE_ENONFINITE);
+    }
+    dse_mat_identity(2, scratch);
+    assert_int_equal(dse_factored_predict(2, T, d, indefinite, 1, scratch, Tp, dp), DSE_ENOTPD);
+    d[1] = (dse_real)__builtin_inf();
+    assert_false(dse_factored_is_finite(2, T, d));
+    d[1] = 1;
+    T[1] = (dse_real)__builtin_nan("");
+    assert_false(dse_factored_is_finite(2, T, d));
+}
+
+static void scalar_update_equals_the_dense_formula(void **state)
+{
+    (void)state;
+    static dse_real P[AREA], expected[AREA], result[AREA], h[N_MAX], Ph[N_MAX];
+    for (int in = 0; in < N_SIZES; in++) {
+        const int n = sizes[in];
+        fill_psd(n, n, P);
+        fill(n, h);
+        const dse_real r = DSE_REAL(0.2);
+        dse_mat_vec(n, n, P, h, Ph);
+        const dse_real s = dse_dot(n, h, Ph) + r;
+        for (int i = 0; i < n * n; i++)
+            expected[i] = P[i];
+        dse_sym_rank1(n, -1 / s, Ph, expected);
+        assert_int_equal(dse_factored_from(n, P, T, d, scratch), DSE_OK);
+        const dse_real bound = 300 * (dse_real)(n * n) * EPS;
+        assert_near(1, &(dse_real){dse_factored_form(n, T, d, h) + r}, &s, bound);
+        const dse_real variance = dse_factored_update(n, T, d, h, r, v, scratch);
+        assert_near(1, &variance, &s, bound);
+        assert_near(n, v, Ph, bound);
+        assert_weights_not_negative(n, d);
+        dse_factored_expand(n, T, d, result);
+        assert_near(n * n, result, expected, bound);
+    }
+}
+
+/* With P = 1e12 and r = 1e-12 a dense update leaves rounding errors of 1e-4 where r belongs. */
+static void scalar_updates_keep_tiny_variances_below_huge_ones(void **state)
+{
+    (void)state;
+    enum { n = 4 };
+    static dse_real P[n * n], H[n * n];
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++)
+            P[i * n + j] = i == j ? HUGE : DSE_REAL(0.5) * HUGE;
+    for (int trial = 0; trial < 50; trial++) {
+        fill(n * n, H);
+        for (int i = 0; i < n; i++)
+            H[i * n + i] += 3;
+        assert_int_equal(dse_factored_from(n, P, T, d, scratch), DSE_OK);
+        for (int c = 0; c < n; c++) {
+            (void)dse_factored_update(n, T, d, H + c * n, TINY, v, scratch);
+            assert_weights_not_negative(n, d);
+            const dse_real variance = dse_factored_form(n, T, d, H + c * n);
+            assert_true(variance > 0);
+            if (sizeof(dse_real) == sizeof(double)) /* = r up to cancellation in T h */
+                assert_near(1, &variance, &(dse_real){TINY},
+                            DSE_REAL(1e-3) * TINY + 4 * HUGE * EPS * EPS);
+        }
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(semidefinite_rows_reproduce_badly_scaled_matrices),
+        cmocka_unit_test(factors_reproduce_definite_and_semidefinite_matrices),
+        cmocka_unit_test(factors_of_an_indefinite_or_non_finite_matrix_are_refused),
+        cmocka_unit_test(prediction_equals_the_dense_formula_for_any_rank),
+        cmocka_unit_test(prediction_keeps_a_difference_that_a_dense_sum_would_lose),
+        cmocka_unit_test(prediction_reports_non_finite_results_and_an_indefinite_noise),
+        cmocka_unit_test(scalar_update_equals_the_dense_formula),
+        cmocka_unit_test(scalar_updates_keep_tiny_variances_below_huge_ones),
+    };
+    return cmocka_run_group_tests_name("linalg_factored", tests, NULL, NULL);
+}
