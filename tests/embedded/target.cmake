@@ -1,14 +1,6 @@
-# The cross build. One library per processor, from the same sources and with the same options as the
-# host's; `dse` itself, which knows no processor, only lends them.
+# The cross build: one library per target, and its images. `dse` itself knows no processor and is not
+# built; it only lends its sources and options.
 set_target_properties(dse PROPERTIES EXCLUDE_FROM_ALL ON)
-get_target_property(sources dse SOURCES)
-get_target_property(includes dse INTERFACE_INCLUDE_DIRECTORIES)
-get_target_property(definitions dse INTERFACE_COMPILE_DEFINITIONS)
-get_target_property(options dse COMPILE_OPTIONS)
-
-# The M4F computes in single precision; doubles are done by the compiler's runtime.
-set(processor_m4f -mcpu=cortex-m4 -mfpu=fpv4-sp-d16 -mfloat-abi=hard)
-set(processor_m7 -mcpu=cortex-m7 -mfpu=fpv5-d16 -mfloat-abi=hard)
 
 set(script ${CMAKE_CURRENT_SOURCE_DIR}/target/memory.ld)
 
@@ -20,21 +12,18 @@ function(embedded_image name target)
 endfunction()
 
 foreach(target ${EMBEDDED_TARGETS})
-  add_library(dse_${target} STATIC ${sources})
-  target_include_directories(dse_${target} PUBLIC ${includes})
-  target_compile_definitions(dse_${target} PUBLIC ${definitions})
+  set(processor ${EMBEDDED_PROCESSOR_${target}})
+  embedded_library(dse_${target} ${EMBEDDED_REAL_${target}})
   # -fcallgraph-info: what calls what and the stack of each function, for checks/stack.py.
-  target_compile_options(dse_${target} PUBLIC ${processor_${target}}
-                         PRIVATE ${options} -fcallgraph-info=su)
-  target_link_libraries(dse_${target} PRIVATE dse_warnings)
+  target_compile_options(dse_${target} PUBLIC ${processor} PRIVATE -fcallgraph-info=su)
 
   add_library(board_${target} OBJECT target/startup.c target/semihosting.c)
   target_include_directories(board_${target} PRIVATE cases PUBLIC target)
-  target_compile_options(board_${target} PUBLIC ${processor_${target}})
+  target_compile_options(board_${target} PUBLIC ${processor})
   target_link_libraries(board_${target} PRIVATE dse_warnings)
   # No start files and no system library: with a call of malloc or printf an image would not link,
   # because nobody defines _sbrk and _write.
-  target_link_options(board_${target} PUBLIC ${processor_${target}} -mthumb --specs=nano.specs
+  target_link_options(board_${target} PUBLIC ${processor} -mthumb --specs=nano.specs
                       -nostartfiles -T ${script} -Wl,--fatal-warnings)
   set_target_properties(board_${target} PROPERTIES INTERFACE_LINK_DEPENDS ${script})
 

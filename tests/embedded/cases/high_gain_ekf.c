@@ -1,16 +1,24 @@
-/* The adaptive high-gain EKF follows the golden run run_ch2_cont_ahg within 1e-6, here as on the
- * host with the same bits. */
+/* The adaptive high-gain EKF follows the golden run run_ch2_cont_ahg within 1e-6 (in single
+ * precision within 0.005), here as on the host with the same bits. */
 #include "cstr2_network.h"
 #include "dse/math.h"
 #include "golden_high_gain.h"
 #include "report.h"
 
-/* |x - expected| <= 1e-6 |expected|, with a floor for what crosses zero. */
+#ifdef DSE_REAL_IS_float
+#define TOLERANCE DSE_REAL(5e-3)
+#define FLOOR     DSE_REAL(1e-5)
+#else
+#define TOLERANCE DSE_REAL(1e-6)
+#define FLOOR     DSE_REAL(1e-9)
+#endif
+
+/* |x - expected| <= tolerance |expected|, with a floor for what crosses zero. */
 static void check_close(const char *name, int n, const dse_real *x, const dse_real *expected)
 {
     for (int j = 0; j < n; j++) {
         dse_real error = dse_abs(x[j] - expected[j]);
-        report_check(name, error <= DSE_REAL(1e-6) * dse_abs(expected[j]) + DSE_REAL(1e-9));
+        report_check(name, error <= TOLERANCE * dse_abs(expected[j]) + FLOOR);
     }
 }
 

@@ -91,6 +91,8 @@ int main(void)
     powers();
     edges();
     random();
-    report_bits("checksum", math_bits_checksum());
+    const uint64_t checksum = math_bits_checksum();
+    report_bits("checksum", checksum);
+    report_check("the checksum is that of the unit test", checksum == MATH_BITS_EXPECTED);
     return report_verdict();
 }

@@ -39,8 +39,8 @@ def main() -> int:
         print("no module found")
         return 1
 
-    print(" " * 28 + "".join(f"{target:^32}" for target in tables))
-    print(f"{'bytes':28}" + "".join(f"{s:>8}" for s in SECTIONS) * len(tables))
+    print(" " * 28 + "".join(f"{target:^28}" for target in tables))
+    print(f"{'bytes':28}" + "".join(f"{s:>7}" for s in SECTIONS) * len(tables))
     totals = {target: dict.fromkeys(SECTIONS, 0) for target in tables}
     for module in modules:
         row = f"{module:28}"
@@ -48,9 +48,9 @@ def main() -> int:
             for section in SECTIONS:
                 size = sizes.get(module, {}).get(section, 0)
                 totals[target][section] += size
-                row += f"{size:8d}"
+                row += f"{size:7d}"
         print(row)
-    print(f"{'all':28}" + "".join(f"{t[s]:8d}" for t in totals.values() for s in SECTIONS))
+    print(f"{'all':28}" + "".join(f"{t[s]:7d}" for t in totals.values() for s in SECTIONS))
 
     variables = sum(total["data"] + total["bss"] for total in totals.values())
     if variables:

@@ -18,7 +18,9 @@ static void call(uint32_t operation, const void *argument)
 
 _Noreturn void semihosting_exit(int code)
 {
-    const uint32_t block[2] = {APPLICATION_EXIT, (uint32_t)code};
+    /* Not on the stack: after an overflow there may be none. */
+    static uint32_t block[2] = {APPLICATION_EXIT, 0};
+    block[1] = (uint32_t)code;
     call(SYS_EXIT_EXTENDED, block);
     for (;;) {
     }

@@ -5,7 +5,7 @@
 
 /* Addresses set by memory.ld. */
 extern const uint32_t data_load[];
-extern uint32_t data_begin[], data_end[], bss_begin[], bss_end[];
+extern uint32_t data_begin[], data_end[], bss_begin[], bss_end[], stack_guard[], stack_bottom[];
 
 int main(void);
 void reset(void);
@@ -19,6 +19,26 @@ static void enable_floating_point(void)
     __asm__ volatile("dsb\n\tisb" ::: "memory");
 }
 
+enum { EXIT_FAULT = 70, EXIT_STACK = 71 };
+
+#define GUARD 0x57AC6A2Du
+
+static void set_guard(void)
+{
+    for (uint32_t *word = stack_guard; word < stack_bottom; word++)
+        *word = GUARD;
+}
+
+static void check_guard(void)
+{
+    for (const uint32_t *word = stack_guard; word < stack_bottom; word++) {
+        if (*word != GUARD) {
+            semihosting_write("the stack went below its bottom\n");
+            semihosting_exit(EXIT_STACK);
+        }
+    }
+}
+
 void reset(void)
 {
     enable_floating_point();
@@ -27,10 +47,11 @@ void reset(void)
         *to = *from++;
     for (uint32_t *to = bss_begin; to < bss_end; to++)
         *to = 0;
-    semihosting_exit(main());
+    set_guard();
+    int code = main();
+    check_guard();
+    semihosting_exit(code);
 }
-
-enum { EXIT_FAULT = 70 };
 
 static void fault(void)
 {
