@@ -34,7 +34,7 @@ static size_t path_index(struct check *c, int i)
 static const char *meaning(const struct check *c)
 {
     const struct scenario_rule *rule = scenario_rule_find(c->path);
-    return rule != NULL ? rule->meaning : "no further explanation";
+    return rule != NULL ? rule->meaning : "dse-run --keys lists all keys";
 }
 
 /* What stands at a node, in a few words: "abc", a list, nothing. */
@@ -272,7 +272,7 @@ static bool check_known_keys(struct check *c, const cyaml_schema_field_t *fields
             scenario_words_add(&words, field->key);
         char list[512], shown[64];
         scenario_words_text(&words, key, list, sizeof list);
-        snprintf(shown, sizeof shown, "%.60s", key);
+        snprintf(shown, sizeof shown, "%.60s", key[0] != '\0' ? key : "''");
         path_key(c, shown);
         return scenario_fail(c->tree, pair->key, c->path, c->error, "unknown key; allowed here: %s",
                              list);

@@ -99,9 +99,9 @@ static bool fail_none(const struct listing *listing, const char *name, struct er
         scenario_words_add(&first_words, first[i]);
     }
     scenario_words_text(&names, "", text, sizeof text);
-    const char *nearest = scenario_words_nearest(&first_words, name);
-    if (nearest != NULL)
-        snprintf(hint, sizeof hint, " (did you mean %s?)", nearest);
+    int nearest = scenario_words_nearest(&first_words, name);
+    if (nearest >= 0)
+        snprintf(hint, sizeof hint, " (did you mean %s?)", first[nearest]);
     return error_set(error, "no scenario '%.80s'; there are: %s%s", name, text, hint);
 }
 

@@ -57,6 +57,13 @@ static uint64_t scalar(const cyaml_schema_value_t *schema, const unsigned char *
     }
 }
 
+static const unsigned char *pointer_at(const unsigned char *data)
+{
+    const unsigned char *pointer = NULL;
+    memcpy(&pointer, data, sizeof pointer);
+    return pointer;
+}
+
 static uint64_t count_at(const unsigned char *base, const cyaml_schema_field_t *field)
 {
     const cyaml_schema_value_t size = {.type = CYAML_UINT, .data_size = field->count_size};
@@ -86,7 +93,7 @@ static uint64_t add_sequence(uint64_t hash, const cyaml_schema_value_t *schema, 
     for (uint64_t i = 0; i < count; i++) {
         const unsigned char *at = data + i * schema->data_size;
         if ((entry->flags & CYAML_FLAG_POINTER) != 0)
-            memcpy(&at, at, sizeof at);
+            at = pointer_at(at);
         if (at != NULL)
             hash = add_value(hash, entry, at);
     }
@@ -123,9 +130,12 @@ static uint64_t add_fields(uint64_t hash, const cyaml_schema_field_t *fields,
         const unsigned char *data = base + field->data_offset;
         if (top && is_for_people(field->key))
             continue;
-        if ((field->value.flags & CYAML_FLAG_POINTER) != 0)
-            memcpy(&data, data, sizeof data);
-        if (data == NULL || is_default(&field->value, data))
+        if ((field->value.flags & CYAML_FLAG_POINTER) != 0) {
+            data = pointer_at(data);
+            if (data == NULL)
+                continue;
+        }
+        if (is_default(&field->value, data))
             continue;
         hash = add_text(hash, field->key);
         if (field->value.type == CYAML_SEQUENCE || field->value.type == CYAML_SEQUENCE_FIXED)

@@ -46,8 +46,8 @@ struct scenario_words {
 };
 
 void scenario_words_add(struct scenario_words *words, const char *word);
-/* The word that `wrong` was probably meant to be, or NULL. */
-const char *scenario_words_nearest(const struct scenario_words *words, const char *wrong);
+/* Index of the word that `wrong` was probably meant to be, -1: none is near. */
+int scenario_words_nearest(const struct scenario_words *words, const char *wrong);
 /* "a, b, c (did you mean b?)", the list cut short where it does not fit. size >= 128. */
 void scenario_words_text(const struct scenario_words *words, const char *wrong, char *text,
                          size_t size);

@@ -1,5 +1,4 @@
 /* Lists of allowed words, and the one that a mistyped word was meant to be. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "runtime/scenario_internal.h"
@@ -17,39 +16,43 @@ static int least(int a, int b)
     return a < b ? a : b;
 }
 
-/* Levenshtein's distance: single letters inserted, deleted or replaced. */
+/* Letters inserted, deleted, replaced or swapped with their neighbour to make b of a (optimal
+ * string alignment): row[i % 3][j] is the distance of the first i letters of a to the first j of b.
+ */
 static int distance(const char *a, const char *b)
 {
-    int row[LONGEST_WORD + 1];
-    int n = (int)strlen(b);
+    int row[3][LONGEST_WORD + 1];
+    int m = (int)strlen(a), n = (int)strlen(b);
     if (n > LONGEST_WORD)
         return n;
     for (int j = 0; j <= n; j++)
-        row[j] = j;
-    for (int i = 1; a[i - 1] != '\0'; i++) {
-        int diagonal = row[0];
-        row[0] = i;
+        row[0][j] = j;
+    for (int i = 1; i <= m; i++) {
+        int *now = row[i % 3];
+        const int *before = row[(i + 2) % 3], *earlier = row[(i + 1) % 3];
+        now[0] = i;
         for (int j = 1; j <= n; j++) {
-            int replaced = diagonal + (a[i - 1] != b[j - 1]);
-            diagonal = row[j];
-            row[j] = least(replaced, 1 + least(row[j], row[j - 1]));
+            now[j] =
+                least(before[j - 1] + (a[i - 1] != b[j - 1]), 1 + least(before[j], now[j - 1]));
+            if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
+                now[j] = least(now[j], earlier[j - 2] + 1);
         }
     }
-    return row[n];
+    return row[m % 3][n];
 }
 
-const char *scenario_words_nearest(const struct scenario_words *words, const char *wrong)
+int scenario_words_nearest(const struct scenario_words *words, const char *wrong)
 {
     size_t length = strlen(wrong);
     int best = length < 3 ? 2 : 1 + (int)(length < 30 ? length : 30) / 3;
-    const char *nearest = NULL;
+    int nearest = -1;
     if (length == 0 || length > LONGEST_WORD)
-        return NULL;
+        return -1;
     for (int i = 0; i < words->count; i++) {
         int d = distance(wrong, words->word[i]);
         if (d < best) {
             best = d;
-            nearest = words->word[i];
+            nearest = i;
         }
     }
     return nearest;
@@ -59,9 +62,9 @@ void scenario_words_text(const struct scenario_words *words, const char *wrong, 
                          size_t size)
 {
     char hint[LONGEST_WORD + 24] = "";
-    const char *nearest = scenario_words_nearest(words, wrong);
-    if (nearest != NULL)
-        snprintf(hint, sizeof hint, " (did you mean %s?)", nearest);
+    int nearest = scenario_words_nearest(words, wrong);
+    if (nearest >= 0)
+        snprintf(hint, sizeof hint, " (did you mean %s?)", words->word[nearest]);
     size_t room = size - strlen(hint) - sizeof ", ..";
     size_t n = (size_t)snprintf(text, size, "%s", words->count == 0 ? "none" : "");
     for (int i = 0; i < words->count; i++) {
