@@ -100,6 +100,14 @@ static bool measurement_ok(dse_measurement_t *message, struct message_counters *
     return true;
 }
 
+static bool status_ok(const dse_status_t *message, struct message_counters *counters)
+{
+    if (message->reason_length >= 0 && message->reason_length <= (int)sizeof message->reason)
+        return true;
+    counters->refused_count++;
+    return false;
+}
+
 static bool vector_ok(int part, int parts, int count, const double *value,
                       struct message_counters *counters)
 {
@@ -108,7 +116,7 @@ static bool vector_ok(int part, int parts, int count, const double *value,
 }
 
 MESSAGE_TAKE(clock, true)
-MESSAGE_TAKE(status, true)
+MESSAGE_TAKE(status, status_ok(message, counters))
 MESSAGE_TAKE(done, true)
 MESSAGE_TAKE(run_info, parts_ok(message->part, message->parts, message->count,
                                 DSE_RUN_INFO_T_CAPACITY, counters))
