@@ -87,7 +87,7 @@ static bool check_numbers(const struct sim_config *config, char *reason, int siz
 static bool enter_sample(struct simulator *sim, int64_t k, const double *x, char *reason, int size)
 {
     const struct dse_model *model = &sim->field.model;
-    double y[DSE_PLANT_MAX_OUTPUTS];
+    double y[DSE_PLANT_MAX_OUTPUTS] = {0};
     double v[DSE_PLANT_MAX_OUTPUTS];
     double t = (double)k * sim->period;
     if (model->ny > 0) {

@@ -3,9 +3,6 @@
  * Multicast with TTL 0 on a port that the kernel picks: nothing leaves the machine, and no other
  * LCM network is disturbed. Datagrams may be lost, so everything is sent again until it arrives or
  * the time is up. */
-#define _POSIX_C_SOURCE 200809L /* clock_gettime */
-#define _DEFAULT_SOURCE         /* struct ip_mreq */
-
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdbool.h>

@@ -1,6 +1,6 @@
 /* The plant simulator on small plants of the test's own: solutions in closed form, a stiff problem
  * of the literature, plants that break. The shipped plants: tests/golden/golden_simulator.c. */
-#define _POSIX_C_SOURCE 200809L /* dup, fileno */
+#define _POSIX_C_SOURCE 200809L /* dup, fileno; NOLINT(bugprone-reserved-identifier) */
 
 #include <math.h>
 #include <setjmp.h>
