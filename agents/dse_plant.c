@@ -6,7 +6,8 @@
 #include "runtime/clock.h"
 #include "runtime/options.h"
 
-#define OPTION_WAIT OPTION_OWN
+#define OPTION_WAIT         OPTION_OWN
+#define OPTION_RECORDER_LAG (OPTION_OWN + 1)
 
 static const char program[] = "dse-plant";
 
@@ -16,14 +17,21 @@ static const char help[] =
     "Simulates the plant of the scenario: waits until all estimators have joined, then publishes\n"
     "sample after sample until the scenario's duration is over.\n"
     "\n"
-    "  --wait S           how long to wait for the estimators (default: for ever)\n";
+    "  --wait S           how long to wait for the estimators (default: for ever)\n"
+    "  --recorder-lag N   lockstep: run at most N samples ahead of what dse-run has recorded, so\n"
+    "                     that no log lacks a message (default 0: no recorder to wait for)\n";
 
 /* 0: go on; otherwise an exit code + 1. */
-static int read_options(int argc, char **argv, struct options *options, double *wait)
+static int read_options(int argc, char **argv, struct options *options, double *wait,
+                        int *recorder_lag)
 {
     static const struct option table[] = {
-        OPTIONS_COMMON, {"wait", required_argument, NULL, OPTION_WAIT}, {0}};
+        OPTIONS_COMMON,
+        {"wait", required_argument, NULL, OPTION_WAIT},
+        {"recorder-lag", required_argument, NULL, OPTION_RECORDER_LAG},
+        {0}};
     struct error error = {0};
+    int64_t number = 0;
     int option;
     while ((option = getopt_long(argc, argv, "h", table, NULL)) != -1) {
         bool ok = true;
@@ -37,6 +45,9 @@ static int read_options(int argc, char **argv, struct options *options, double *
             return EXIT_BAD_INPUT + 1;
         } else if (option == OPTION_WAIT) {
             ok = options_number("wait", optarg, wait, &error);
+        } else if (option == OPTION_RECORDER_LAG) {
+            ok = options_integer("recorder-lag", optarg, 0, 1000000, &number, &error);
+            *recorder_lag = (int)number;
         } else {
             ok = options_take(options, option, optarg, &error);
         }
@@ -57,13 +68,15 @@ int main(int argc, char **argv)
     struct options options = {0};
     struct error error = {0};
     double wait = 0;
-    int stop = read_options(argc, argv, &options, &wait);
+    int recorder_lag = 0;
+    int stop = read_options(argc, argv, &options, &wait, &recorder_lag);
     if (stop != 0)
         return stop - 1;
     host_catch_signals();
     struct clock_config config = {.pace = options.pace,
                                   .speed = options.speed,
                                   .join_s = wait,
+                                  .recorder_lag = recorder_lag,
                                   .run_id =
                                       options.run_id != 0 ? options.run_id : clock_new_run_id()};
     struct scenario *scenario = options_scenario(&options, &error);

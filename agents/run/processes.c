@@ -7,13 +7,14 @@
 #include <string.h>
 #include <sys/prctl.h>
 #include <sys/socket.h>
-#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include "dse_clock_t.h"
 #include "run/programs.h"
 #include "run/progress.h"
+#include "run/recorded.h"
+#include "run/recorder.h"
 #include "run/run.h"
 #include "runtime/agent.h"
 #include "runtime/channels.h"
@@ -22,10 +23,11 @@
 #include "runtime/run_info.h"
 #include "runtime/sender.h"
 
-#define MAX_PROCESSES 1100
-#define LOGGER_WAIT_S 5.0
-#define STOP_WAIT_S   3.0
-#define JOIN_TEXT     "20"
+#define MAX_PROCESSES   1100
+#define STOP_WAIT_S     3.0
+#define JOIN_TEXT       "20"
+#define RECEIVE_BUFFER  (2 << 20) /* bytes */
+#define SOCKET_MESSAGES 80        /* that surely fit into the receive buffer of a socket */
 
 struct process {
     pid_t pid; /* 0: ended */
@@ -36,13 +38,12 @@ struct process {
 struct crew {
     struct process list[MAX_PROCESSES];
     int count;
-    int logger; /* index, -1: none */
     char failure[512];
 };
 
 /* ---- starting and ending processes ---- */
 
-static bool spawn(struct crew *crew, const char *name, const char *const *arguments, bool silent,
+static bool spawn(struct crew *crew, const char *name, const char *const *arguments,
                   struct error *error)
 {
     if (crew->count == MAX_PROCESSES)
@@ -56,8 +57,6 @@ static bool spawn(struct crew *crew, const char *name, const char *const *argume
         prctl(PR_SET_PDEATHSIG, SIGTERM);
         if (getppid() != parent)
             _exit(1);
-        if (silent && freopen("/dev/null", "w", stdout) == NULL)
-            _exit(126);
         execvp(arguments[0], (char *const *)arguments);
         fprintf(stderr, "dse-run: cannot run %s: %s\n", arguments[0], strerror(errno));
         _exit(127);
@@ -91,7 +90,7 @@ static void reap(struct crew *crew, int64_t k)
                 continue;
             process->pid = 0;
             process->exit_status = status;
-            if (status == 0 || crew->failure[0] != '\0' || i == crew->logger)
+            if (status == 0 || crew->failure[0] != '\0')
                 continue;
             char how[256];
             describe_end(process, how, (int)sizeof how);
@@ -104,14 +103,14 @@ static int count_alive(const struct crew *crew)
 {
     int alive = 0;
     for (int i = 0; i < crew->count; i++)
-        alive += crew->list[i].pid != 0 && i != crew->logger;
+        alive += crew->list[i].pid != 0;
     return alive;
 }
 
 static void send_signal(const struct crew *crew, int number)
 {
     for (int i = 0; i < crew->count; i++)
-        if (crew->list[i].pid != 0 && i != crew->logger)
+        if (crew->list[i].pid != 0)
             kill(crew->list[i].pid, number);
 }
 
@@ -128,73 +127,6 @@ static void end_all(struct crew *crew, int64_t k)
     wait_for_end(crew, k, STOP_WAIT_S);
     send_signal(crew, SIGKILL);
     wait_for_end(crew, k, STOP_WAIT_S);
-}
-
-/* ---- the logger ---- */
-
-static int64_t file_size(const char *path)
-{
-    struct stat status;
-    return stat(path, &status) == 0 ? (int64_t)status.st_size : -1;
-}
-
-static void ping(struct bus *bus, const struct scenario *scenario, int state)
-{
-    struct sender sender = {.bus = bus};
-    sender.id.role = DSE_HEADER_T_ROLE_RUN;
-    sender.id.network = -1;
-    dse_status_t message = {
-        .scenario_hash = (int64_t)scenario->hash, .pid = (int32_t)getpid(), .state = (int8_t)state};
-    sender_status(&sender, -1, 0, &message);
-}
-
-/* The logger is ready when what we say reaches its file. */
-static bool start_logger(struct crew *crew, struct bus *bus, const char *url, const char *path,
-                         const struct scenario *scenario, struct error *error)
-{
-    char logger[4096], url_option[600];
-    if (!program_logger(logger, (int)sizeof logger, error))
-        return false;
-    snprintf(url_option, sizeof url_option, "--lcm-url=%s", url);
-    const char *arguments[] = {logger, url_option, "--force", "--quiet", "--flush-interval=100",
-                               path,   NULL};
-    crew->logger = crew->count;
-    if (!spawn(crew, "lcm-logger", arguments, true, error))
-        return false;
-    double until = host_now() + LOGGER_WAIT_S;
-    while (file_size(path) <= 0) {
-        int status;
-        if (waitpid(crew->list[crew->logger].pid, &status, WNOHANG) > 0) {
-            crew->list[crew->logger].pid = 0;
-            return error_set(error, "lcm-logger (%s) ended at once with exit code %d", logger,
-                             WEXITSTATUS(status));
-        }
-        if (host_now() > until)
-            return error_set(error, "lcm-logger wrote nothing into %s within %g s", path,
-                             LOGGER_WAIT_S);
-        ping(bus, scenario, DSE_STATUS_T_STATE_JOINING);
-        bus_wait(bus, 20);
-    }
-    return true;
-}
-
-/* Lets it write what has arrived, then ends it. */
-static void end_logger(struct crew *crew, const char *path)
-{
-    if (crew->logger < 0 || crew->list[crew->logger].pid == 0)
-        return;
-    int64_t before = -1;
-    for (int quiet = 0, i = 0; quiet < 3 && i < 100; i++) {
-        int64_t now = file_size(path);
-        quiet = now == before ? quiet + 1 : 0;
-        before = now;
-        usleep(100000);
-    }
-    pid_t pid = crew->list[crew->logger].pid;
-    kill(pid, SIGTERM);
-    for (int i = 0; i < 200 && waitpid(pid, NULL, WNOHANG) == 0; i++)
-        usleep(10000);
-    crew->list[crew->logger].pid = 0;
 }
 
 /* ---- the bus of one's own ---- */
@@ -214,6 +146,18 @@ static int free_port(void)
     return port;
 }
 
+/* As much as the system grants without being asked as root: the kernel doubles what is set. */
+static int receive_buffer(void)
+{
+    int limit = 0;
+    FILE *file = fopen("/proc/sys/net/core/rmem_max", "r");
+    if (file != NULL && fscanf(file, "%d", &limit) != 1)
+        limit = 0;
+    if (file != NULL)
+        fclose(file);
+    return limit > 0 && limit < RECEIVE_BUFFER / 2 ? 2 * limit : RECEIVE_BUFFER;
+}
+
 static bool choose_url(const struct run_options *options, char *url, int size, struct error *error)
 {
     const char *given = options->common.lcm_url;
@@ -226,7 +170,8 @@ static bool choose_url(const struct run_options *options, char *url, int size, s
     int port = free_port();
     if (port == 0)
         return error_set(error, "no free UDP port: %s", strerror(errno));
-    snprintf(url, (size_t)size, "udpm://239.255.76.67:%d?ttl=0", port);
+    snprintf(url, (size_t)size, "udpm://239.255.76.67:%d?ttl=0&recv_buf_size=%d", port,
+             receive_buffer());
     return true;
 }
 
@@ -235,7 +180,7 @@ static bool choose_url(const struct run_options *options, char *url, int size, s
 struct argument_list {
     const char *items[2 * OPTIONS_MAX_OVERRIDES + 24];
     int count;
-    char run_id[32], speed[32];
+    char run_id[32], speed[32], lag[16];
 };
 
 static void add(struct argument_list *list, const char *item)
@@ -269,21 +214,48 @@ static void add_common(struct argument_list *list, const struct run_options *opt
     }
 }
 
-static bool start_agents(struct crew *crew, const struct run_options *options,
-                         const struct scenario *scenario, const char *url, int64_t run_id,
-                         struct error *error)
+/* Messages of one sample: truth, input, measurements; exchanges, estimate and `done` of each node.
+ */
+static int messages_per_sample(const struct scenario *scenario, int agents)
 {
-    char program[4096], name[64], number[16];
-    int nodes = 0;
+    return 2 + scenario->process->n_subsystems + 6 * agents;
+}
+
+/* How many samples the clock may be ahead of the log: what surely fits into a socket's buffer. */
+static void add_recorder_lag(struct argument_list *list, const struct scenario *scenario,
+                             int agents)
+{
+    int lag = SOCKET_MESSAGES / messages_per_sample(scenario, agents);
+    snprintf(list->lag, sizeof list->lag, "%d", lag > 1 ? lag : 1);
+    add(list, "--recorder-lag");
+    add(list, list->lag);
+}
+
+static bool count_nodes(const struct scenario *scenario, int *processes, int *agents,
+                        struct error *error)
+{
+    *processes = 0;
+    *agents = 0;
     for (unsigned i = 0; i < scenario->networks_count; i++) {
         int count = node_count(scenario, (int)i, NULL, error);
         if (count < 0)
             return false;
-        nodes = count > nodes ? count : nodes;
+        *processes = count > *processes ? count : *processes;
+        *agents += count;
     }
-    if (!program_beside("dse-estimator", program, (int)sizeof program, error))
+    return true;
+}
+
+static bool start_agents(struct crew *crew, const struct run_options *options,
+                         const struct scenario *scenario, const char *url, int64_t run_id,
+                         bool recording, struct error *error)
+{
+    char program[4096], name[64], number[16];
+    int processes, agents;
+    if (!count_nodes(scenario, &processes, &agents, error) ||
+        !program_beside("dse-estimator", program, (int)sizeof program, error))
         return false;
-    for (int node = 0; node < nodes; node++) {
+    for (int node = 0; node < processes; node++) {
         struct argument_list list = {0};
         add(&list, program);
         add_common(&list, options, scenario, url, run_id);
@@ -291,7 +263,7 @@ static bool start_agents(struct crew *crew, const struct run_options *options,
         snprintf(name, sizeof name, "dse-estimator --node %d", node);
         add(&list, "--node");
         add(&list, number);
-        if (!spawn(crew, name, list.items, false, error))
+        if (!spawn(crew, name, list.items, error))
             return false;
     }
     if (options->common.pace == DSE_CLOCK_T_PACE_REPLAY)
@@ -303,17 +275,27 @@ static bool start_agents(struct crew *crew, const struct run_options *options,
     add_common(&list, options, scenario, url, run_id);
     add(&list, "--wait");
     add(&list, JOIN_TEXT);
-    return spawn(crew, "dse-plant", list.items, false, error);
+    if (recording)
+        add_recorder_lag(&list, scenario, agents);
+    return spawn(crew, "dse-plant", list.items, error);
 }
 
 /* Shows progress until all agents have ended, one has ended badly, or the user stops the run. */
-static void watch(struct crew *crew, struct bus *bus, struct progress *progress)
+static void watch(struct crew *crew, struct bus *bus, struct progress *progress,
+                  struct recorder *recorder)
 {
     while (count_alive(crew) > 0 && crew->failure[0] == '\0' && !host_interrupted()) {
-        if (bus_wait(bus, 100) < 0)
+        if (bus_wait(bus, recorder->pid != 0 ? 1 : 100) < 0)
             break;
         progress_tick(progress);
         reap(crew, progress->k);
+        if (recorder->pid == 0)
+            continue;
+        recorder_follow(recorder);
+        if (!recorder_alive(recorder))
+            snprintf(crew->failure, sizeof crew->failure,
+                     "lcm-logger has ended; the log stops at sample %lld",
+                     (long long)recorder->sample);
     }
     if (crew->failure[0] != '\0')
         wait_for_end(crew, progress->k, 1.5); /* the others tell their own reasons */
@@ -321,39 +303,63 @@ static void watch(struct crew *crew, struct bus *bus, struct progress *progress)
     progress_end(progress);
 }
 
-static bool run_crew(struct crew *crew, const struct run_options *options,
-                     const struct scenario *scenario, const char *log_path, struct error *error)
+/* The parts of a run on a bus, whatever way it ends. */
+static bool conduct(struct crew *crew, const struct run_options *options,
+                    const struct scenario *scenario, const char *url, struct bus *bus,
+                    const char *log_path, struct error *error)
 {
-    char url[512];
     struct progress progress;
-    if (!choose_url(options, url, (int)sizeof url, error) || !bus_check(url, error))
-        return false;
-    struct bus *bus = bus_open(url, error);
-    if (bus == NULL)
-        return false;
+    struct recorder recorder = {0};
+    bool replay = options->common.pace == DSE_CLOCK_T_PACE_REPLAY;
     int64_t run_id = options->common.run_id;
-    if (run_id == 0 && options->common.pace != DSE_CLOCK_T_PACE_REPLAY)
+    if (run_id == 0 && !replay)
         run_id = clock_new_run_id();
-    if (!options->quiet)
-        fprintf(stderr, "network %s\n", url);
+    bool recording = log_path[0] != '\0';
     bool ok =
         progress_watch(&progress, scenario, scenario_samples(scenario), options->quiet, bus, error);
-    if (ok && log_path[0] != '\0')
-        ok = start_logger(crew, bus, url, log_path, scenario, error);
-    ok = ok && start_agents(crew, options, scenario, url, run_id, error);
-    if (ok && options->common.pace == DSE_CLOCK_T_PACE_REPLAY)
+    if (ok && recording)
+        ok = recorder_start(&recorder, bus, url, log_path, scenario, run_id, error);
+    ok = ok && start_agents(crew, options, scenario, url, run_id, recording, error);
+    if (ok && replay)
         fprintf(stderr, "waiting for a log: lcm-logplayer --lcm-url='%s' LOG\n", url);
     if (ok)
-        watch(crew, bus, &progress);
+        watch(crew, bus, &progress, &recorder);
     else
         end_all(crew, -1);
-    end_logger(crew, log_path);
-    bus_close(bus);
+    recorder_end(&recorder);
     if (host_interrupted())
         return error_set(error, "interrupted at sample %lld", (long long)progress.k);
     if (crew->failure[0] != '\0')
         return error_set(error, "%s", crew->failure);
     return ok;
+}
+
+static bool run_crew(struct crew *crew, const struct run_options *options,
+                     const struct scenario *scenario, const char *log_path, struct error *error)
+{
+    char url[512];
+    if (!choose_url(options, url, (int)sizeof url, error) || !bus_check(url, error))
+        return false;
+    struct bus *bus = bus_open(url, error);
+    if (bus == NULL)
+        return false;
+    if (!options->quiet)
+        fprintf(stderr, "network %s\n", url);
+    bool ok = conduct(crew, options, scenario, url, bus, log_path, error);
+    bus_close(bus);
+    return ok;
+}
+
+/* Whether the log holds every input and measurement of the run. */
+static void check_log(const char *path, const struct scenario *scenario)
+{
+    struct error error = {0};
+    struct recorded recorded;
+    if (recorded_open(path, &recorded, &error) && recorded_load(&recorded, scenario, &error) &&
+        recorded.missing > 0)
+        fprintf(stderr, "dse-run: the log lacks %lld message(s) that did not reach lcm-logger\n",
+                (long long)recorded.missing);
+    recorded_free(&recorded);
 }
 
 int run_processes(const struct run_options *options, const struct scenario *scenario)
@@ -367,11 +373,12 @@ int run_processes(const struct run_options *options, const struct scenario *scen
         free(crew);
         return options_complain("dse-run", &error);
     }
-    crew->logger = -1;
     bool ok = run_crew(crew, options, scenario, log_path, &error);
     if (!ok)
         options_complain("dse-run", &error);
-    if (log_path[0] != '\0' && file_size(log_path) > 0)
+    if (ok && log_path[0] != '\0' && options->common.pace != DSE_CLOCK_T_PACE_REPLAY)
+        check_log(log_path, scenario);
+    if (log_path[0] != '\0')
         printf("log: %s\n", log_path);
     free(crew);
     return ok ? 0 : EXIT_RUN;

@@ -14,9 +14,10 @@
 #include "runtime/run_info.h"
 #include "runtime/sender.h"
 
-#define JOIN_PERIOD   0.1   /* s between two invitations */
-#define STOP_PERIOD   0.05  /* s between two announcements of the end */
-#define STOP_PATIENCE 1.0   /* s until the clock leaves although not all have said that they ended \
+#define JOIN_PERIOD 0.1  /* s between two invitations */
+#define STOP_PERIOD 0.05 /* s between two announcements of the end */
+#define STOP_PATIENCE                                                                              \
+    1.0                     /* s until the clock leaves although not all have said that they ended \
                              */
 #define REALTIME_GRACE  0.5 /* s after the last sample of a realtime run */
 #define DEFAULT_REPEAT  0.05
@@ -53,8 +54,9 @@ struct clock {
     int32_t measurement_sequence;
     double published; /* when sample k was published */
     double repeated;
-    double began; /* joining, stopping: when it began; realtime: when sample 0 was due */
-    int64_t late; /* realtime: nodes that were not done when the next sample was due */
+    double began;     /* joining, stopping: when it began; realtime: when sample 0 was due */
+    int64_t recorded; /* newest sample that the recorder has received, -1 */
+    int64_t late;     /* realtime: nodes that were not done when the next sample was due */
 };
 
 static void fail(struct clock *clock, const char *format, ...)
@@ -181,6 +183,12 @@ static int count_undone(const struct clock *clock)
     return undone;
 }
 
+static bool recorder_behind(const struct clock *clock)
+{
+    int lag = clock->config.recorder_lag;
+    return lag > 0 && clock->k + 1 < clock->config.samples && clock->recorded < clock->k - lag;
+}
+
 static void next_sample(struct clock *clock)
 {
     if (clock->k + 1 >= clock->config.samples) {
@@ -206,7 +214,8 @@ static void advance(struct clock *clock)
 {
     if (clock->phase != WAITING || clock->state != AGENT_RUNNING)
         return;
-    if (clock->config.pace == DSE_CLOCK_T_PACE_LOCKSTEP && count_undone(clock) == 0)
+    if (clock->config.pace == DSE_CLOCK_T_PACE_LOCKSTEP && count_undone(clock) == 0 &&
+        !recorder_behind(clock))
         next_sample(clock);
 }
 
@@ -266,6 +275,12 @@ static void on_done(void *user, const char *channel, const uint8_t *bytes, int l
     if (!message_done(bytes, length, &clock->counters, &message) ||
         message.header.run_id != clock->config.run_id || clock->state != AGENT_RUNNING)
         return;
+    if (message.header.role == DSE_HEADER_T_ROLE_RUN) {
+        if (message.header.sample > clock->recorded)
+            clock->recorded = message.header.sample;
+        advance(clock);
+        return;
+    }
     struct member *member = member_of(clock, &message.header);
     if (member == NULL)
         return;
@@ -321,15 +336,17 @@ static double poll_lockstep(struct clock *clock, double now)
                 fail(clock, "%s has not finished sample %lld within %g s; its last sample was %lld",
                      member_name(clock, &clock->members[i], name, (int)sizeof name),
                      (long long)clock->k, give_up, (long long)clock->members[i].done);
-                break;
+                return now;
             }
+        fail(clock, "the recorder has not received sample %lld within %g s",
+             (long long)(clock->k - clock->config.recorder_lag), give_up);
         return now;
     }
-    if (now >= clock->repeated + 2 * repeat) {
+    if (now >= clock->repeated + 2 * repeat && count_undone(clock) > 0) {
         publish_sample(clock, true);
         clock->repeated = now;
     }
-    return clock->repeated + 2 * repeat;
+    return fmax(clock->repeated + 2 * repeat, now + 0.01);
 }
 
 static double poll_realtime(struct clock *clock, double now)
@@ -417,6 +434,7 @@ bool clock_create(const struct clock_config *config, struct bus *bus, struct age
     clock->config = *config;
     clock->bus = bus;
     clock->k = -1;
+    clock->recorded = -1;
     clock->began = host_now();
     clock->sender.bus = bus;
     clock->sender.id.run_id = config->run_id;

@@ -29,10 +29,12 @@ struct clock_config {
     const struct scenario *scenario;
     struct sample_source source; /* owned by the clock from clock_create on, also when that fails */
     int64_t samples;
-    int pace;       /* lockstep or realtime */
-    double speed;   /* realtime: plant seconds per second, 0 means 1 */
-    int64_t run_id; /* not 0 */
-    double join_s;  /* how long it waits for the nodes, 0: for ever */
+    int pace;         /* lockstep or realtime */
+    double speed;     /* realtime: plant seconds per second, 0 means 1 */
+    int64_t run_id;   /* not 0 */
+    double join_s;    /* how long it waits for the nodes, 0: for ever */
+    int recorder_lag; /* lockstep: samples that it may be ahead of the recorder's `done`; 0: none is
+                         there to wait for */
 };
 
 /* Fills `agent`. */
