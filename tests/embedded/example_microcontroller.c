@@ -1,5 +1,5 @@
 /* A filter on a microcontroller: level and outlet coefficient of a draining tank, from a level
- * sensor that may fail. All memory is static; a sample costs the same time every time.
+ * sensor that may fail. All memory is static.
  *
  *     level' = (u - c sqrt(level)) / A,   c' = 0,   y = level + noise */
 #include "dse/ekf.h"
@@ -40,10 +40,12 @@ static enum dse_status dhdx(const struct dse_model *model, dse_real t, const dse
     return DSE_OK;
 }
 
-static const struct dse_model tank = {DSE_CONTINUOUS, 2, 1, 1, 0, f, h, dfdx, dhdx};
+static const struct dse_model tank = {
+    .time = DSE_CONTINUOUS, .nx = 2, .nu = 1, .ny = 1, .f = f, .h = h, .dfdx = dfdx, .dhdx = dhdx};
 static const dse_real x0[] = {0.5, 0.001}, P0[] = {0.01, 0, 0, 1e-6};
 static const dse_real Q[] = {1e-8, 0, 0, 1e-12}, R[] = {1e-4};
-static const struct dse_ekf_config config = {&tank, .x0 = x0, .P0 = P0, .Q = Q, .R = R, .gate = 5};
+static const struct dse_ekf_config config = {
+    .model = &tank, .x0 = x0, .P0 = P0, .Q = Q, .R = R, .gate = 5};
 static dse_real memory[DSE_EKF_STORAGE_CONTINUOUS(2, 1)];
 static struct dse_ekf ekf;
 

@@ -7,6 +7,8 @@ the worst case of a function is its own frame and the deepest of its callees. A 
 pointer counts as a call of every function of that kind: which kind is read from the source at the
 place of the call (`model->f(..)`), which functions are of that kind from their parameters.
 Runtime functions of the compiler and the C library are bounded from the image's disassembly.
+Not counted: interrupts (an exception frame with floating point is 104 bytes, and its handler) and
+what callbacks of one's own take beyond the shipped ones.
 
 Measured: the image paints its stack, makes one step and looks how far the paint is gone; its lines
 "stack NAME BYTES" are compared with the computed worst case of its function `step_NAME`.
