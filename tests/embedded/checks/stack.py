@@ -59,6 +59,8 @@ class Graph:
         for file in sorted(folder.rglob("*.ci")):
             for line in file.read_text().splitlines():
                 fields = dict(re.findall(r'(\w+): "((?:[^"\\]|\\.)*)"', line))
+                if line.startswith("graph:") and not Path(fields["title"]).exists():
+                    break  # left over in the build folder from a source that was moved
                 if line.startswith("node:") and "bytes" in fields["label"]:
                     self.node(fields["title"], fields["label"].split("\\n"))
                 elif line.startswith("edge:"):

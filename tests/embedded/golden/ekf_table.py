@@ -25,6 +25,12 @@ Vector = tuple[float, float]
 Matrix = tuple[Vector, Vector]
 
 
+def matrix(rows: list[list[float]]) -> Matrix:
+    """Two rows of two."""
+    (a, b), (c, d) = rows
+    return (a, b), (c, d)
+
+
 def move(x: Vector) -> Vector:
     """One step of the pendulum."""
     angle, speed = x
@@ -38,7 +44,7 @@ def predict(x: Vector, p: Matrix) -> tuple[Vector, Matrix]:
     fp = [[sum(f[i][k] * p[k][j] for k in range(2)) for j in range(2)] for i in range(2)]
     fpf = [[sum(fp[i][k] * f[j][k] for k in range(2)) for j in range(2)] for i in range(2)]
     grown = [[fpf[i][j] + NOISE[i][j] for j in range(2)] for i in range(2)]
-    return move(x), (tuple(grown[0]), tuple(grown[1]))
+    return move(x), matrix(grown)
 
 
 def update(x: Vector, p: Matrix, y: float) -> tuple[Vector, Matrix]:
@@ -48,7 +54,7 @@ def update(x: Vector, p: Matrix, y: float) -> tuple[Vector, Matrix]:
     gain = (p[0][0] * slope / s, p[1][0] * slope / s)
     e = y - LENGTH * math.sin(x[0])
     shrunk = [[p[i][j] - gain[i] * slope * p[0][j] for j in range(2)] for i in range(2)]
-    return (x[0] + gain[0] * e, x[1] + gain[1] * e), (tuple(shrunk[0]), tuple(shrunk[1]))
+    return (x[0] + gain[0] * e, x[1] + gain[1] * e), matrix(shrunk)
 
 
 def main() -> None:

@@ -8,22 +8,23 @@ The configuration of the run and, for every recorded tick below TICKS, its expec
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 
-def flat(values: object) -> list[float]:
+def flat(values: Any) -> list[float]:
     """All numbers of nested lists in their order."""
     if isinstance(values, list):
         return [number for value in values for number in flat(value)]
     return [float(values)]
 
 
-def array(name: str, values: object) -> str:
+def array(name: str, values: Any) -> str:
     """A C array; hexadecimal literals keep every bit."""
     numbers = ", ".join(f"DSE_REAL({number.hex()})" for number in flat(values))
     return f"static const dse_real golden_{name}[] = {{{numbers}}};"
 
 
-def table(name: str, kind: str, rows: list[object]) -> str:
+def table(name: str, kind: str, rows: list[Any]) -> str:
     """One row per recorded tick."""
     width = len(flat(rows[0]))
     literal = "DSE_REAL({})" if kind == "dse_real" else "{}"
