@@ -5,7 +5,7 @@
 
 #include "runtime/scenario_internal.h"
 
-#define MAX_NODES 200000 /* aliases expanded: a small file can stand for a huge document */
+#define MAX_NODES 50000 /* aliases expanded: a small file can stand for a huge document */
 #define MAX_DEPTH 64
 #define MAX_KEYS  1000 /* of one mapping: they are compared pairwise */
 
