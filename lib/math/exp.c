@@ -10,9 +10,9 @@
 #define TABLE_SIZE         64
 #define TABLE_OVER_LN2     0x1.71547652b82fep+6 /* 64 / ln 2 */
 #define LN2_OVER_TABLE_HI  0x1.62e42ffp-7       /* ln 2 / 64 = hi + lo, hi a multiple of 2^-38 */
-#define LN2_OVER_TABLE_LO  -0x1.718432a1b0e26p-41
-#define OVERFLOW_ARGUMENT  710.0  /* exp is infinite from 709.78 on */
-#define UNDERFLOW_ARGUMENT -746.0 /* exp is zero from -745.13 down */
+#define LN2_OVER_TABLE_LO  (-0x1.718432a1b0e26p-41)
+#define OVERFLOW_ARGUMENT  710.0    /* exp is infinite from 709.78 on */
+#define UNDERFLOW_ARGUMENT (-746.0) /* exp is zero from -745.13 down */
 
 /* 2^(i/64) = hi + lo, each rounded to nearest. */
 static const struct dse_dd power_table[TABLE_SIZE] = {

@@ -5,7 +5,7 @@
 #include "math_internal.h"
 
 #define OVERFLOW_ARGUMENT  710.0 /* of exp, as in exp.c */
-#define UNDERFLOW_ARGUMENT -746.0
+#define UNDERFLOW_ARGUMENT (-746.0)
 #define TWO_53             0x1p53 /* from here on every double is an even integer */
 
 enum parity { NOT_INTEGER, EVEN, ODD };

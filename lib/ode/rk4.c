@@ -24,7 +24,7 @@ enum dse_status dse_rk4_step(dse_ode_rhs f, void *context, dse_real t, dse_real 
         if (status != DSE_OK)
             return status;
         for (int j = 0; j < n; j++)
-            sum[j] = s > 0 ? sum[j] + weight[s] * k[j] : k[j];
+            sum[j] = (s > 0 ? sum[j] : 0) + weight[s] * k[j];
     }
     for (int j = 0; j < n; j++)
         stage[j] = x[j] + h / 6 * sum[j];

@@ -60,7 +60,8 @@ static void linear_model_is_its_matrices(void **state)
     assert_true(model.nx == 3 && model.nu == 2 && model.ny == 2);
 
     const dse_real x[3] = {1, -1, 2}, u[2] = {3, 5};
-    dse_real dx[3], y[2], F[9], H[6];
+    dse_real dx[4], y[3], F[10], H[7];
+    dx[3] = y[2] = F[9] = H[6] = 12345; /* guards */
     assert_int_equal(model.f(&model, 0, x, u, dx), DSE_OK);
     assert_values(3, dx, (const dse_real[]){5 + 3, 11 + 7, 19 + 15});
     assert_int_equal(model.h(&model, 0, x, u, y), DSE_OK);
@@ -69,6 +70,7 @@ static void linear_model_is_its_matrices(void **state)
     assert_values(9, F, A);
     assert_int_equal(model.dhdx(&model, 0, x, u, H), DSE_OK);
     assert_values(6, H, C);
+    assert_true(dx[3] == 12345 && y[2] == 12345 && F[9] == 12345 && H[6] == 12345);
 }
 
 static void linear_model_needs_neither_inputs_nor_feedthrough(void **state)
@@ -236,7 +238,7 @@ static void linear_models_pass_at_zero_and_elsewhere(void **state)
     const struct dse_linear linear = {A, B, C, D};
     struct dse_model model;
     dse_linear_model(&model, DSE_DISCRETE, 3, 2, 2, &linear);
-    const dse_real points[2][3] = {{0, 0, 0}, {3, -50, 0}}, u[2] = {1, 2};
+    const dse_real points[2][3] = {{0, 0, 0}, {3000000, -50, 0}}, u[2] = {1, 2};
     for (int i = 0; i < 2; i++) {
         dse_real scratch[DSE_MODEL_CHECK_SCRATCH(3, 2)], worst_f, worst_h;
         assert_int_equal(
@@ -246,10 +248,52 @@ static void linear_models_pass_at_zero_and_elsewhere(void **state)
     }
 }
 
+/* One large and one very small effect on f: the Jacobian forgets the small one. */
+static const dse_real unequal[4] = {1, DSE_REAL_EPSILON / 100, 0, 0};
+
+static enum dse_status forgetful_dfdx(const struct dse_model *model, dse_real t, const dse_real *x,
+                                      const dse_real *u, dse_real *F)
+{
+    (void)model, (void)t, (void)x, (void)u;
+    for (int i = 0; i < 4; i++)
+        F[i] = i == 0 ? 1 : 0;
+    return DSE_OK;
+}
+
+static void effects_that_differences_cannot_resolve_raise_no_alarm(void **state)
+{
+    (void)state;
+    const struct dse_linear linear = {.A = unequal};
+    struct dse_model model;
+    dse_linear_model(&model, DSE_CONTINUOUS, 2, 0, 0, &linear);
+    model.dfdx = forgetful_dfdx;
+    const dse_real x[2] = {1, 1};
+    dse_real scratch[DSE_MODEL_CHECK_SCRATCH(2, 0)], worst;
+    assert_int_equal(dse_model_check_jacobians(&model, 0, x, NULL, scratch, &worst, NULL), DSE_OK);
+    assert_true(worst < RIGHT);
+}
+
+static void check_of_jacobians_keeps_to_its_scratch(void **state)
+{
+    (void)state;
+    enum { SIZE = DSE_MODEL_CHECK_SCRATCH(NX, NY) };
+    const struct mistake none = {-1, -1, 1};
+    const struct dse_model model = reactor(&none);
+    dse_real scratch[SIZE + 4], worst_f, worst_h;
+    for (int i = 0; i < SIZE + 4; i++)
+        scratch[i] = 12345;
+    assert_int_equal(
+        dse_model_check_jacobians(&model, 0, point_x, point_u, scratch, &worst_f, &worst_h),
+        DSE_OK);
+    for (int i = SIZE; i < SIZE + 4; i++)
+        assert_true(scratch[i] == 12345);
+}
+
 static enum dse_status failing(const struct dse_model *model, dse_real t, const dse_real *x,
                                const dse_real *u, dse_real *result)
 {
-    (void)model, (void)t, (void)x, (void)u, (void)result;
+    (void)model, (void)t, (void)x, (void)u;
+    result[0] = 0;
     return DSE_EMODEL;
 }
 
@@ -297,6 +341,8 @@ int main(void)
         cmocka_unit_test(every_wrong_entry_is_found),
         cmocka_unit_test(a_dependence_that_is_not_there_is_found),
         cmocka_unit_test(linear_models_pass_at_zero_and_elsewhere),
+        cmocka_unit_test(effects_that_differences_cannot_resolve_raise_no_alarm),
+        cmocka_unit_test(check_of_jacobians_keeps_to_its_scratch),
         cmocka_unit_test(failures_of_the_check_are_told_apart),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

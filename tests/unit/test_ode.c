@@ -292,8 +292,8 @@ struct saboteur {
 static enum dse_status sabotaged_f(const struct dse_model *model, dse_real t, const dse_real *x,
                                    const dse_real *u, dse_real *dx)
 {
-    (void)t, (void)model;
-    struct saboteur *saboteur = (struct saboteur *)(uintptr_t)u;
+    (void)t, (void)u;
+    struct saboteur *saboteur = *(struct saboteur *const *)model->parameters;
     dx[0] = -x[0];
     dx[1] = -x[1];
     if (++saboteur->calls == saboteur->fails_at) {
@@ -306,7 +306,8 @@ static enum dse_status sabotaged_f(const struct dse_model *model, dse_real t, co
 static enum dse_status failing_dfdx(const struct dse_model *model, dse_real t, const dse_real *x,
                                     const dse_real *u, dse_real *F)
 {
-    (void)model, (void)t, (void)x, (void)u, (void)F;
+    (void)model, (void)t, (void)x, (void)u;
+    F[0] = 0;
     return DSE_EMODEL;
 }
 
@@ -319,32 +320,34 @@ static enum dse_status nan_dfdx(const struct dse_model *model, dse_real t, const
     return DSE_OK;
 }
 
+static void check_sabotaged_step(model_step step, int stages, int fails_at, enum dse_status answer)
+{
+    struct saboteur saboteur = {0, fails_at, answer}, *parameters = &saboteur;
+    const struct dse_model model = {.time = DSE_CONTINUOUS,
+                                    .nx = 2,
+                                    .parameters = &parameters,
+                                    .f = sabotaged_f,
+                                    .dfdx = zero_dfdx};
+    dse_real x[2] = {1, 2}, scratch[32];
+    enum dse_status status = step(&model, 0, DSE_REAL(0.1), NULL, x, scratch);
+    if (fails_at > stages) { /* not reached: the step is as good as ever */
+        assert_int_equal(status, DSE_OK);
+        assert_true(x[0] != 1 && x[1] != 2);
+    } else {
+        assert_int_equal(status, answer == DSE_OK ? DSE_ENONFINITE : answer);
+        assert_true(x[0] == 1 && x[1] == 2);
+    }
+}
+
 static void a_failed_step_leaves_x_unchanged(void **state)
 {
     (void)state;
-    struct dse_model model = {.time = DSE_CONTINUOUS, .nx = 2, .f = sabotaged_f, .dfdx = zero_dfdx};
-    const struct {
-        model_step step;
-        int stages;
-    } methods[] = {{dse_rk4_model_step, 4}, {dse_ros2_step, 2}};
-    dse_real scratch[32];
-    for (size_t m = 0; m < 2; m++) {
-        for (int at = 1; at <= methods[m].stages + 1; at++) {
-            const enum dse_status answers[] = {DSE_EMODEL, DSE_OK};
-            for (int i = 0; i < 2; i++) {
-                dse_real x[2] = {1, 2};
-                struct saboteur saboteur = {0, at, answers[i]};
-                enum dse_status status = methods[m].step(
-                    &model, 0, DSE_REAL(0.1), (const dse_real *)(void *)&saboteur, x, scratch);
-                if (at > methods[m].stages) { /* not reached: the step is as good as ever */
-                    assert_int_equal(status, DSE_OK);
-                    assert_true(x[0] != 1 && x[1] != 2);
-                    continue;
-                }
-                assert_int_equal(status, i == 0 ? DSE_EMODEL : DSE_ENONFINITE);
-                assert_true(x[0] == 1 && x[1] == 2);
-            }
-        }
+    const enum dse_status answers[] = {DSE_EMODEL, DSE_EINVAL, DSE_OK};
+    for (int i = 0; i < 3; i++) {
+        for (int fails_at = 1; fails_at <= 5; fails_at++)
+            check_sabotaged_step(dse_rk4_model_step, 4, fails_at, answers[i]);
+        for (int fails_at = 1; fails_at <= 3; fails_at++)
+            check_sabotaged_step(dse_ros2_step, 2, fails_at, answers[i]);
     }
 }
 
@@ -448,7 +451,8 @@ static void ros2_damps_as_its_stability_function_says(void **state)
 {
     (void)state;
     const double gamma = 1 - sqrt(0.5);
-    for (double z = -1e-2; z > -2e8; z *= 10) {
+    for (int decade = -2; decade <= 8; decade++) {
+        const double z = -pow(10, decade);
         const struct stiff stiff = {(dse_real)z};
         const struct dse_model model = {.time = DSE_CONTINUOUS,
                                         .nx = 1,
@@ -491,6 +495,36 @@ static void ros2_errs_by_less_than_h_when_a_stiff_model_depends_on_time(void **s
         dse_real t = (dse_real)k * h;
         assert_int_equal(dse_ros2_step(&model, t, h, NULL, x, scratch), DSE_OK);
         assert_true(fabs((double)x[0] - cos((double)(t + h))) < (double)h);
+    }
+}
+
+/* ---- memory ---- */
+
+/* The steppers of a problem with n = 2 touch x[0..1] and the scratch that their macros ask for. */
+static void nothing_beyond_x_and_scratch_is_touched(void **state)
+{
+    (void)state;
+    enum { GUARD = 4, MOST = 32 };
+    const int sizes[3] = {DSE_RK4_SCRATCH(2), DSE_ROS2_SCRATCH(2), DSE_RK45_SCRATCH(2)};
+    struct dse_model model = model_of(&problems[2]);
+    struct dse_held_model held = {&model, NULL};
+    for (int method = 0; method < 3; method++) {
+        dse_real x[2 + GUARD], scratch[MOST + GUARD];
+        for (int i = 0; i < 2 + GUARD; i++)
+            x[i] = 12345;
+        for (int i = 0; i < MOST + GUARD; i++)
+            scratch[i] = 12345;
+        if (method == 0)
+            dse_rk4_model_step(&model, 0, DSE_REAL(0.1), NULL, x, scratch);
+        else if (method == 1)
+            dse_ros2_step(&model, 0, DSE_REAL(0.1), NULL, x, scratch);
+        else
+            dse_rk45_integrate(dse_held_model_rhs, &held, NULL, 0, 1, 2, x, scratch, NULL);
+        assert_true(x[0] != 12345 && x[1] != 12345);
+        for (int i = 2; i < 2 + GUARD; i++)
+            assert_true(x[i] == 12345);
+        for (int i = sizes[method]; i < MOST + GUARD; i++)
+            assert_true(scratch[i] == 12345);
     }
 }
 
@@ -554,6 +588,124 @@ static void one_step_of_rk45_has_order_five(void **state)
         /* in float the steps are too large for the leading term of the error to rule */
         assert_true(order > 4.5 && (sizeof(dse_real) == sizeof(float) || order < 5.3));
     }
+}
+
+/* x' = t^4 from t = 0: the estimate of the local error is 71/270000 h^5. */
+static enum dse_status quartic(void *context, dse_real t, const dse_real *x, dse_real *dx)
+{
+    (void)context, (void)x;
+    dx[0] = t * t * t * t;
+    return DSE_OK;
+}
+
+static void rk45_accepts_an_estimate_up_to_the_tolerance_and_not_beyond(void **state)
+{
+    (void)state;
+    const dse_real estimate = DSE_REAL(71.0 / 270000 * 32);
+    for (int beyond = 0; beyond < 2; beyond++) {
+        const struct dse_rk45_config config = {.rtol = DSE_REAL(1e-30),
+                                               .atol = estimate * DSE_REAL(beyond ? 0.99 : 1.01),
+                                               .h0 = 2,
+                                               .max_steps = 1};
+        dse_real x[1] = {0}, scratch[DSE_RK45_SCRATCH(1)];
+        struct dse_rk45_result result;
+        enum dse_status status =
+            dse_rk45_integrate(quartic, NULL, &config, 0, 2, 1, x, scratch, &result);
+        assert_int_equal(status, beyond ? DSE_ENOCONV : DSE_OK);
+        assert_int_equal(result.steps, !beyond);
+        assert_int_equal(result.rejected, beyond);
+        assert_true(beyond ? x[0] == 0 : dse_abs(x[0] - DSE_REAL(6.4)) < 50 * EPS);
+        assert_true(beyond ? result.h < 2 && result.h > 1 : result.h <= 2);
+    }
+}
+
+/* dx = -context[0] x; context[1] keeps the earliest t > 0 that it is called for. */
+static enum dse_status watched_decay(void *context, dse_real t, const dse_real *x, dse_real *dx)
+{
+    dse_real *rate_and_time = context;
+    dx[0] = -rate_and_time[0] * x[0];
+    if (t > 0 && (rate_and_time[1] == 0 || t < rate_and_time[1]))
+        rate_and_time[1] = t;
+    return DSE_OK;
+}
+
+/* The first step is 0.01 |x| / |f|, a hundredth of the span where that says nothing; the earliest
+ * stage lies at a fifth of it. */
+static void first_step_of_rk45_comes_from_the_size_of_x_and_f(void **state)
+{
+    (void)state;
+    const struct {
+        dse_real rate, x0, h;
+    } cases[] = {{1000, 1, DSE_REAL(1e-5)},
+                 {2, -3, DSE_REAL(5e-3)},
+                 {1000, 0, DSE_REAL(0.04)},
+                 {0, 1, DSE_REAL(0.04)},
+                 {DSE_REAL(1e-4), 1, DSE_REAL(0.04)}};
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        dse_real rate_and_time[2] = {cases[i].rate, 0}, x[1] = {cases[i].x0};
+        dse_real scratch[DSE_RK45_SCRATCH(1)];
+        assert_int_equal(
+            dse_rk45_integrate(watched_decay, rate_and_time, NULL, 0, 4, 1, x, scratch, NULL),
+            DSE_OK);
+        assert_true(dse_abs(5 * rate_and_time[1] - cases[i].h) < 10 * EPS * cases[i].h);
+    }
+}
+
+static void defaults_of_rk45_are_those_of_its_header(void **state)
+{
+    (void)state;
+    const struct dse_rk45_config none = {0}, written = {.rtol = DSE_REAL(1e-6),
+                                                        .atol = DSE_REAL(1e-9),
+                                                        .max_steps = 10000};
+    const struct dse_rk45_config *configs[3] = {NULL, &none, &written};
+    dse_real x[3][MAX_N];
+    struct dse_rk45_result results[3];
+    for (int i = 0; i < 3; i++) {
+        start(&problems[2], 0, x[i]);
+        assert_int_equal(integrate(&problems[2], configs[i], 0, 6, x[i], &results[i]), DSE_OK);
+        assert_memory_equal(x[i], x[0], sizeof x[0]);
+        assert_int_equal(results[i].steps, results[0].steps);
+    }
+    /* a million turns take longer than the default bound */
+    assert_int_equal(integrate(&problems[2], NULL, 0, 6e6, x[0], &results[0]), DSE_ENOCONV);
+    assert_int_equal(results[0].steps + results[0].rejected, 10000);
+}
+
+/* x' = 1/4 of the largest number, from the largest number: f is finite, the new x is not. */
+static enum dse_status overflowing(void *context, dse_real t, const dse_real *x, dse_real *dx)
+{
+    (void)context, (void)t, (void)x;
+    dx[0] = DSE_REAL_MAX / 4;
+    return DSE_OK;
+}
+
+static void rk45_never_ends_in_infinity(void **state)
+{
+    (void)state;
+    const struct dse_rk45_config config = {.h0 = 4, .max_steps = 50};
+    dse_real x[1] = {DSE_REAL_MAX}, scratch[DSE_RK45_SCRATCH(1)];
+    assert_int_not_equal(dse_rk45_integrate(overflowing, NULL, &config, 0, 4, 1, x, scratch, NULL),
+                         DSE_OK);
+    assert_true(x[0] == DSE_REAL_MAX);
+}
+
+static enum dse_status counted_nan(void *context, dse_real t, const dse_real *x, dse_real *dx)
+{
+    (void)t, (void)x;
+    ++*(int *)context;
+    dx[0] = (dse_real)NAN;
+    return DSE_OK;
+}
+
+static void rk45_does_not_try_where_f_is_not_finite_at_the_start(void **state)
+{
+    (void)state;
+    int calls = 0;
+    dse_real x[1] = {1}, scratch[DSE_RK45_SCRATCH(1)];
+    assert_int_equal(dse_rk45_integrate(counted_nan, &calls, NULL, 0, 1, 1, x, scratch, NULL),
+                     DSE_ENONFINITE);
+    assert_int_equal(calls, 1);
+    assert_true(x[0] == 1);
 }
 
 static void rk45_goes_backwards_in_time(void **state)
@@ -691,8 +843,10 @@ static void rk45_says_what_stopped_it(void **state)
     const enum dse_status answers[] = {DSE_EMODEL, DSE_ENONFINITE, DSE_EINVAL};
     for (int i = 0; i < 3; i++) {
         enum dse_status answer = answers[i];
-        assert_int_equal(dse_rk45_integrate(wall, &answer, NULL, 0, 1, 1, x, scratch, NULL),
+        struct dse_rk45_result result;
+        assert_int_equal(dse_rk45_integrate(wall, &answer, NULL, 0, 1, 1, x, scratch, &result),
                          answer);
+        assert_true(result.steps + result.rejected < 300);
         assert_int_equal(dse_rk45_integrate(wall, &answer, NULL, 1, 2, 1, x, scratch, NULL),
                          answer);
         assert_true(x[0] == 1);
@@ -751,8 +905,14 @@ int main(void)
         cmocka_unit_test(ros2_damps_as_its_stability_function_says),
         cmocka_unit_test(ros2_follows_the_slow_solution_with_h_lambda_of_minus_a_million),
         cmocka_unit_test(ros2_errs_by_less_than_h_when_a_stiff_model_depends_on_time),
+        cmocka_unit_test(nothing_beyond_x_and_scratch_is_touched),
         cmocka_unit_test(rk45_error_follows_the_tolerance),
         cmocka_unit_test(one_step_of_rk45_has_order_five),
+        cmocka_unit_test(rk45_accepts_an_estimate_up_to_the_tolerance_and_not_beyond),
+        cmocka_unit_test(first_step_of_rk45_comes_from_the_size_of_x_and_f),
+        cmocka_unit_test(defaults_of_rk45_are_those_of_its_header),
+        cmocka_unit_test(rk45_never_ends_in_infinity),
+        cmocka_unit_test(rk45_does_not_try_where_f_is_not_finite_at_the_start),
         cmocka_unit_test(rk45_goes_backwards_in_time),
         cmocka_unit_test(rk45_without_time_to_pass_does_nothing),
         cmocka_unit_test(rk45_takes_up_where_it_left_off),
