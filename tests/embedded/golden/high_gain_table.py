@@ -8,23 +8,25 @@ The configuration of the run and, for every recorded tick below TICKS, its expec
 import json
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
+
+Nested: TypeAlias = "float | list[Nested]"
 
 
-def flat(values: Any) -> list[float]:
+def flat(values: Nested) -> list[float]:
     """All numbers of nested lists in their order."""
     if isinstance(values, list):
         return [number for value in values for number in flat(value)]
     return [float(values)]
 
 
-def array(name: str, values: Any) -> str:
+def array(name: str, values: Nested) -> str:
     """A C array; hexadecimal literals keep every bit."""
     numbers = ", ".join(f"DSE_REAL({number.hex()})" for number in flat(values))
     return f"static const dse_real golden_{name}[] = {{{numbers}}};"
 
 
-def table(name: str, kind: str, rows: list[Any]) -> str:
+def table(name: str, kind: str, rows: list[Nested]) -> str:
     """One row per recorded tick."""
     width = len(flat(rows[0]))
     literal = "DSE_REAL({})" if kind == "dse_real" else "{}"
