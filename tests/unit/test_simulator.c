@@ -152,6 +152,15 @@ static enum dse_status shy_f(const struct dse_model *model, dse_real t, const ds
     return DSE_EMODEL;
 }
 
+/* The same beside a state that gets stuck at t = 1/1.05. */
+static enum dse_status shy_then_stuck_f(const struct dse_model *model, dse_real t,
+                                        const dse_real *x, const dse_real *u, dse_real *dx)
+{
+    const enum dse_status status = shy_f(model, t, x, u, dx);
+    dx[1] = x[1] > 0 ? -1.05 : 1.05;
+    return status;
+}
+
 static const struct dse_signal signals[] = {{.name = "a", .unit = "1", .scale = 1},
                                             {.name = "b", .unit = "1", .scale = 1},
                                             {.name = "c", .unit = "1", .scale = 1}};
@@ -384,6 +393,34 @@ static void the_absolute_tolerance_goes_with_the_scale_of_a_state(void **state)
     }
     sim_destroy(sim);
     sim_destroy(twin);
+}
+
+static double latest; /* time at which the model was asked */
+
+static enum dse_status timed_f(const struct dse_model *model, dse_real t, const dse_real *x,
+                               const dse_real *u, dse_real *dx)
+{
+    latest = fmax(latest, t);
+    return smooth_f(model, t, x, u, dx);
+}
+
+/* Beyond the next sample other noise holds: nothing there may be used. */
+static void cvode_does_not_look_beyond_a_sample_with_process_noise(void **state)
+{
+    (void)state;
+    static const double scale[] = {50, 3, 1};
+    struct test_plant timed = smooth;
+    timed.f = timed_f;
+    struct setting setting;
+    set(&setting, &timed, 0.1);
+    setting.config.process = (struct sim_noise){SIM_GAUSSIAN, scale};
+    struct simulator *sim = create(&setting);
+    for (int k = 0; k < 100; k++) {
+        latest = 0;
+        step(sim);
+        assert_close(latest, sim_time(sim), 1e-12);
+    }
+    sim_destroy(sim);
 }
 
 struct held {
@@ -643,6 +680,31 @@ static void a_trial_point_outside_the_model_is_not_the_end(void **state)
     sim_destroy(sim);
 }
 
+/* The refused trial points were overcome; what stops the integration later is something else. */
+static void a_reason_does_not_blame_what_was_overcome(void **state)
+{
+    (void)state;
+    static const double seed[] = {1e-3, 1};
+    static const struct test_plant shy = {
+        .name = "shy", .nx = 2, .ny = 1, .f = shy_then_stuck_f, .h = copy_h};
+    struct dse_signal fine[2] = {signals[0], signals[1]};
+    fine[1].scale = 1e-9; /* so that the loose tolerance does not step over it */
+    struct setting setting;
+    set(&setting, &shy, 2);
+    setting.plant.states = fine;
+    setting.config.x0 = seed;
+    setting.config.rtol = 1e-3;
+    setting.config.atol = 1e-3;
+    refusals = 0;
+    struct simulator *sim = create(&setting);
+    char reason[REASON] = "";
+    assert_false(sim_step(sim, reason, sizeof reason));
+    assert_true(refusals > 0);
+    assert_mentions(reason, "the state that changes fastest is b");
+    assert_null(strstr(reason, "cannot be evaluated"));
+    sim_destroy(sim);
+}
+
 static void a_reason_is_cut_at_the_size_of_its_buffer(void **state)
 {
     (void)state;
@@ -744,6 +806,7 @@ int main(void)
         cmocka_unit_test(starts_with_the_given_state_and_input_at_sample_0),
         cmocka_unit_test(cvode_follows_the_exact_solution_without_noise),
         cmocka_unit_test(cvode_holds_the_process_noise_from_sample_to_sample),
+        cmocka_unit_test(cvode_does_not_look_beyond_a_sample_with_process_noise),
         cmocka_unit_test(cvode_integrates_a_stiff_plant_with_or_without_its_jacobian),
         cmocka_unit_test(a_looser_tolerance_gives_a_larger_error),
         cmocka_unit_test(the_absolute_tolerance_goes_with_the_scale_of_a_state),
@@ -754,6 +817,7 @@ int main(void)
         cmocka_unit_test(noise_has_the_stated_size_and_its_channels_are_independent),
         cmocka_unit_test(a_failed_step_says_where_and_changes_nothing),
         cmocka_unit_test(a_trial_point_outside_the_model_is_not_the_end),
+        cmocka_unit_test(a_reason_does_not_blame_what_was_overcome),
         cmocka_unit_test(a_reason_is_cut_at_the_size_of_its_buffer),
         cmocka_unit_test(a_failing_integration_writes_nothing_to_stderr),
         cmocka_unit_test(a_plant_that_cannot_be_simulated_is_refused_with_a_reason),
