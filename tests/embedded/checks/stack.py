@@ -49,6 +49,7 @@ class Graph:
     """Functions with their frames in bytes and their callees."""
 
     def __init__(self) -> None:
+        """Start with no function and no error."""
         self.frames: dict[str, int] = {}
         self.calls: dict[str, set[str]] = {}
         self.kinds: dict[str, str] = {}

@@ -40,7 +40,7 @@ def table(name: str, kind: str, rows: list[Nested]) -> str:
     return "\n".join([head, *lines, "};"])
 
 
-def diagonal(entries: list[float]) -> list[list[float]]:
+def diagonal(entries: list[float]) -> Nested:
     """A diagonal matrix."""
     return [[e if i == j else 0.0 for j in range(len(entries))] for i, e in enumerate(entries)]
 
