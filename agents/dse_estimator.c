@@ -95,6 +95,7 @@ static bool make_agents(const struct scenario *scenario, const struct options *o
                                          .network = (int)i,
                                          .node = (int)n,
                                          .pace = options->pace,
+                                         .speed = options->speed,
                                          .run_id = options->run_id};
             if (*n_agents == MAX_AGENTS)
                 return error_set(error, "more than %d nodes in one process", MAX_AGENTS);

@@ -19,7 +19,8 @@ enum {
     OPTION_DRY_RUN,
     OPTION_QUIET,
     OPTION_KEYS,
-    OPTION_LIST
+    OPTION_LIST,
+    OPTION_PROCESSES
 };
 
 static const char program[] = "dse-run";
@@ -33,6 +34,7 @@ static const char help[] =
     "\n"
     "  --log FILE         where to record (default runs/SCENARIO-DATE-TIME.lcm); --no-log: "
     "nowhere\n"
+    "  --processes N      share the nodes among N estimator processes (default: one per node)\n"
     "  --inproc           everything in one process instead of one process per node\n"
     "  --replay LOG       estimate again from the measurements in LOG, as fast as it goes, and\n"
     "                     compare with the recorded estimates bit for bit\n"
@@ -43,6 +45,7 @@ static const char help[] =
 
 static bool take(struct run_options *options, int option, const char *value, struct error *error)
 {
+    int64_t number = 0;
     switch (option) {
     case OPTION_INPROC:
         options->inproc = true;
@@ -61,6 +64,11 @@ static bool take(struct run_options *options, int option, const char *value, str
         return true;
     case OPTION_QUIET:
         options->quiet = true;
+        return true;
+    case OPTION_PROCESSES:
+        if (!options_integer("processes", value, 1, 1000, &number, error))
+            return false;
+        options->processes = (int)number;
         return true;
     default:
         return options_take(&options->common, option, value, error);
@@ -92,6 +100,7 @@ static int read_options(int argc, char **argv, struct run_options *options)
                                           {"quiet", no_argument, NULL, OPTION_QUIET},
                                           {"keys", no_argument, NULL, OPTION_KEYS},
                                           {"list", no_argument, NULL, OPTION_LIST},
+                                          {"processes", required_argument, NULL, OPTION_PROCESSES},
                                           {0}};
     struct error error = {0};
     int option;

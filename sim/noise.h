@@ -19,7 +19,7 @@ struct sim_noise {
                           * may be NULL when the distribution is SIM_NONE */
 };
 
-enum sim_noise_kind { SIM_NOISE_PROCESS = 1, SIM_NOISE_MEASUREMENT = 2 };
+enum sim_noise_kind { SIM_NOISE_PROCESS = 1, SIM_NOISE_MEASUREMENT = 2, SIM_NOISE_MISSING = 3 };
 
 #define SIM_NOISE_MAX_CHANNELS DSE_PLANT_MAX_STATES
 

@@ -19,10 +19,13 @@ struct simulator {
     int64_t sample;
     struct sim_noise_source process;
     struct sim_noise_source measurement;
+    struct dse_random missing_stream[DSE_PLANT_MAX_OUTPUTS];
+    double missing;
     double x[DSE_PLANT_MAX_STATES];
     double u[DSE_PLANT_MAX_INPUTS];
     double w[DSE_PLANT_MAX_STATES]; /* of this sample */
     double y[DSE_PLANT_MAX_OUTPUTS];
+    bool valid[DSE_PLANT_MAX_OUTPUTS];
     double scratch[DSE_RK4_SCRATCH(DSE_PLANT_MAX_STATES)];
 };
 
@@ -76,6 +79,9 @@ static bool check_numbers(const struct sim_config *config, char *reason, int siz
         !dse_is_finite(config->atol))
         return sim_reason(reason, size, "; the tolerances rtol %g, atol %g are not both positive",
                           config->rtol, config->atol);
+    if (!(config->missing >= 0 && config->missing <= 1))
+        return sim_reason(reason, size, "; the probability %g of a missing value is not in [0, 1]",
+                          config->missing);
     return check_values(plant->states, "initial value", config->x0, plant->nx, reason, size) &&
            check_values(plant->inputs, "constant value", config->u, plant->nu, reason, size) &&
            check_noise(&config->process, plant->states, "process noise", plant->nx, reason, size) &&
@@ -103,6 +109,8 @@ static bool enter_sample(struct simulator *sim, int64_t k, const double *x, char
     sim_noise_draw(&sim->measurement, v);
     for (int j = 0; j < model->ny; j++)
         sim->y[j] = y[j] + v[j];
+    for (int j = 0; j < model->ny; j++)
+        sim->valid[j] = dse_random_uniform(&sim->missing_stream[j]) >= sim->missing;
     memmove(sim->x, x, (size_t)model->nx * sizeof *x);
     sim->sample = k;
     return true;
@@ -119,6 +127,10 @@ static void copy_config(struct simulator *sim, const struct sim_config *config)
     sim_noise_init(&sim->process, &config->process, plant->nx, config->seed, SIM_NOISE_PROCESS);
     sim_noise_init(&sim->measurement, &config->measurement, plant->ny, config->seed,
                    SIM_NOISE_MEASUREMENT);
+    sim->missing = config->missing;
+    for (int j = 0; j < plant->ny; j++)
+        dse_random_init(&sim->missing_stream[j], config->seed,
+                        ((uint64_t)SIM_NOISE_MISSING << 32) + (uint64_t)j);
 }
 
 static bool create_cvode(struct simulator *sim, const struct sim_config *config, char *reason,
@@ -190,6 +202,11 @@ const double *sim_input(const struct simulator *sim)
 const double *sim_output(const struct simulator *sim)
 {
     return sim->y;
+}
+
+const bool *sim_output_valid(const struct simulator *sim)
+{
+    return sim->valid;
 }
 
 static bool integrate_rk4(struct simulator *sim, double t, double *x, char *reason, int size)

@@ -30,6 +30,7 @@ struct sim_config {
     double atol;                  /* CVODE, >= 0; 0: 1e-12; multiplied by each state's scale */
     struct sim_noise process;     /* nx channels, added to the derivative: units per time */
     struct sim_noise measurement; /* ny channels, added to the output */
+    double missing; /* probability that an output's value is missing, per output and sample */
     uint64_t seed;
 };
 
@@ -47,6 +48,8 @@ double sim_time(const struct simulator *sim);
 const double *sim_state(const struct simulator *sim);  /* nx, at t_k */
 const double *sim_input(const struct simulator *sim);  /* nu */
 const double *sim_output(const struct simulator *sim); /* ny, with the measurement noise */
+/* ny: false where the value is missing at this sample. */
+const bool *sim_output_valid(const struct simulator *sim);
 
 /* Goes on to the next sample. False and a one-line reason (time, sample, the state at fault) when
  * the integration fails; sample, state and output then stay what they were. */

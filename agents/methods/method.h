@@ -66,10 +66,13 @@ struct method_message {
     double *value;
 };
 
-/* Whom to wait for in a round. Set by the runtime to all neighbours before next(); the method may
- * shorten it. */
+/* Whom to wait for in a round. Set by the runtime to all neighbours without end before next(); the
+ * method may shorten it. */
 struct method_plan {
-    bool speak; /* say the message; false: only listen */
+    bool speak;        /* say the message; false: only listen */
+    double patience_s; /* close the round after this without those who are missing: for a neighbour
+                        * that a method can do without, like a coordinator that may be gone. 0: as
+                        * the pace says (lockstep waits until the run is given up) */
     int n_wait;
     int wait[METHOD_MAX_NODES]; /* ascending subset of the neighbours */
 };

@@ -22,9 +22,10 @@ struct network {
     int n_agents;
 };
 
-static bool add_nodes(struct network *network, const struct scenario *scenario, int64_t run_id,
+static bool add_nodes(struct network *network, const struct clock_config *clock,
                       struct error *error)
 {
+    const struct scenario *scenario = clock->scenario;
     for (unsigned i = 0; i < scenario->networks_count; i++) {
         int nodes = node_count(scenario, (int)i, NULL, error);
         struct agent *grown = nodes < 0
@@ -38,8 +39,9 @@ static bool add_nodes(struct network *network, const struct scenario *scenario, 
             struct node_config config = {.scenario = scenario,
                                          .network = (int)i,
                                          .node = node,
-                                         .pace = DSE_CLOCK_T_PACE_LOCKSTEP,
-                                         .run_id = run_id};
+                                         .pace = clock->pace,
+                                         .speed = clock->speed,
+                                         .run_id = clock->run_id};
             if (!node_create(&config, network->bus, &network->agents[network->n_agents], error))
                 return false;
             network->n_agents++;
@@ -56,7 +58,7 @@ static bool build(struct network *network, const struct clock_config *clock, str
     if (!clock_create(clock, network->bus, &network->agents[0], error))
         return false;
     network->n_agents = 1;
-    return add_nodes(network, clock->scenario, clock->run_id, error);
+    return add_nodes(network, clock, error);
 }
 
 static void tear_down(struct network *network)

@@ -231,16 +231,17 @@ static void add_recorder_lag(struct argument_list *list, const struct scenario *
     add(list, list->lag);
 }
 
-static bool count_nodes(const struct scenario *scenario, int *processes, int *agents,
+/* The largest network's nodes, which get a process each, and the nodes of all networks. */
+static bool count_nodes(const struct scenario *scenario, int *nodes, int *agents,
                         struct error *error)
 {
-    *processes = 0;
+    *nodes = 0;
     *agents = 0;
     for (unsigned i = 0; i < scenario->networks_count; i++) {
         int count = node_count(scenario, (int)i, NULL, error);
         if (count < 0)
             return false;
-        *processes = count > *processes ? count : *processes;
+        *nodes = count > *nodes ? count : *nodes;
         *agents += count;
     }
     return true;
@@ -250,17 +251,25 @@ static bool start_agents(struct crew *crew, const struct run_options *options,
                          const struct scenario *scenario, const char *url, int64_t run_id,
                          bool recording, struct error *error)
 {
-    char program[4096], name[64], number[16];
-    int processes, agents;
-    if (!count_nodes(scenario, &processes, &agents, error) ||
+    char program[4096], name[64], number[32];
+    int nodes, agents;
+    if (!count_nodes(scenario, &nodes, &agents, error) ||
         !program_beside("dse-estimator", program, (int)sizeof program, error))
         return false;
-    for (int node = 0; node < processes; node++) {
+    int processes = nodes;
+    if (options->processes > 0 && options->processes < nodes)
+        processes = options->processes;
+    for (int i = 0; i < processes; i++) {
         struct argument_list list = {0};
+        int first = (int)((int64_t)i * nodes / processes);
+        int last = (int)((int64_t)(i + 1) * nodes / processes) - 1;
         add(&list, program);
         add_common(&list, options, scenario, url, run_id);
-        snprintf(number, sizeof number, "%d", node);
-        snprintf(name, sizeof name, "dse-estimator --node %d", node);
+        if (first == last)
+            snprintf(number, sizeof number, "%d", first);
+        else
+            snprintf(number, sizeof number, "%d..%d", first, last);
+        snprintf(name, sizeof name, "dse-estimator --node %s", number);
         add(&list, "--node");
         add(&list, number);
         if (!spawn(crew, name, list.items, error))

@@ -15,6 +15,7 @@ struct run_options {
     const char *log;    /* NULL: runs/<scenario>-<date>-<time>.lcm; "": none */
     bool dry_run;
     bool quiet;
+    int processes; /* estimator processes that share the nodes, 0: one per node */
 };
 
 /* The log's path: as given, or a new one in runs/. False when it cannot be written. */

@@ -33,6 +33,13 @@ static double give_up_s(const struct node *node)
     return given > 0 ? given : DEFAULT_GIVE_UP;
 }
 
+/* Wall-clock time between two samples of a realtime run. */
+static double period_s(const struct node *node)
+{
+    double speed = node->config.speed > 0 ? node->config.speed : 1;
+    return node->config.scenario->time.period_s / speed;
+}
+
 /* ---- what the node says of itself ---- */
 
 static void publish_status(struct node *node, int state)
@@ -151,12 +158,15 @@ static void end_sample(struct node *node)
     node->last_repeat = node->last_progress;
 }
 
-static bool past_deadline(const struct node *node)
+/* When the round closes without the messages that are missing; never: INFINITY. */
+static double deadline(const struct node *node)
 {
-    if (node->config.pace != DSE_CLOCK_T_PACE_REALTIME)
-        return false;
-    double period = node->config.scenario->time.period_s;
-    return host_now() > node->sample_started + DEADLINE_SHARE * period;
+    double at = INFINITY;
+    if (node->config.pace == DSE_CLOCK_T_PACE_REALTIME)
+        at = node->sample_started + DEADLINE_SHARE * period_s(node);
+    if (node->plan.patience_s > 0)
+        at = fmin(at, node->round_started + node->plan.patience_s);
+    return at;
 }
 
 void node_advance(struct node *node)
@@ -167,7 +177,7 @@ void node_advance(struct node *node)
                 return;
             begin_sample(node);
         } else {
-            if (!node_round_complete(node) && !past_deadline(node))
+            if (!node_round_complete(node) && host_now() <= deadline(node))
                 return;
             node_close_round(node);
             node->round++;
@@ -384,9 +394,8 @@ static double poll_node(void *self, double now)
         node->last_repeat = now;
     }
     double next = node->last_repeat + repeat_s(node);
-    if (node->config.pace == DSE_CLOCK_T_PACE_REALTIME && node->phase == NODE_IN_ROUND)
-        next = fmin(next, node->sample_started +
-                              DEADLINE_SHARE * node->config.scenario->time.period_s + 1e-4);
+    if (node->phase == NODE_IN_ROUND)
+        next = fmin(next, deadline(node) + 1e-4);
     return node->stopping ? fmin(next, fmax(node->linger_until, now + 0.01)) : next;
 }
 

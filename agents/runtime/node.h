@@ -14,6 +14,7 @@ struct node_config {
     int network;                     /* index in scenario->networks */
     int node;                        /* index within the network */
     int pace;                        /* DSE_CLOCK_T_PACE_* */
+    double speed;                    /* realtime: plant seconds per second, 0: 1 */
     int64_t run_id;                  /* 0: that of the first run of this scenario that asks to join;
                                         in replay: one derived from the recorded run */
 };

@@ -174,6 +174,7 @@ bool node_open_round(struct node *node)
     struct method_plan *plan = &node->plan;
     struct method_message message = {.value = node->outgoing};
     plan->speak = true;
+    plan->patience_s = 0;
     plan->n_wait = node->info.n_neighbours;
     memcpy(plan->wait, node->info.neighbours, (size_t)plan->n_wait * sizeof *plan->wait);
     double before = host_now();

@@ -21,7 +21,7 @@ static bool next(void *self, int64_t k, struct sample_data *data, char *reason, 
     data->x = sim_state(plant->sim);
     data->u = sim_input(plant->sim);
     data->y = sim_output(plant->sim);
-    data->valid = NULL;
+    data->valid = sim_output_valid(plant->sim);
     return true;
 }
 
@@ -89,6 +89,7 @@ bool plant_source(const struct scenario *scenario, struct sample_source *source,
             .atol = integrator->atol > 0 ? integrator->atol : 1e-12,
             .process = noise_of(&scenario->noise.process),
             .measurement = noise_of(&scenario->noise.measurement),
+            .missing = scenario->noise.missing,
             .seed = scenario->seed,
         };
         plant->sim = sim_create(&config, reason, (int)sizeof reason);

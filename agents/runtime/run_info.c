@@ -78,6 +78,14 @@ static json_t *plant_object(const struct scenario *scenario)
                      "groups", groups(process));
 }
 
+static const char *network_title(const struct scenario_network *network,
+                                 const struct method *method)
+{
+    if (network->title != NULL)
+        return network->title;
+    return method != NULL ? method->title : "";
+}
+
 static json_t *networks(const struct scenario *scenario)
 {
     json_t *list = json_array();
@@ -85,7 +93,8 @@ static json_t *networks(const struct scenario *scenario)
         struct error error = {0};
         const struct scenario_network *network = &scenario->networks[i];
         const struct method *method = method_at(scenario_method(network));
-        json_array_append_new(list, json_pack("{s:s, s:s, s:i}", "name", network->name, "method",
+        json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:i}", "name", network->name,
+                                              "title", network_title(network, method), "method",
                                               method != NULL ? method->name : "", "nodes",
                                               node_count(scenario, (int)i, NULL, &error)));
     }

@@ -67,6 +67,7 @@ struct scenario_noise {
 struct scenario_noises {
     struct scenario_noise process;
     struct scenario_noise measurement;
+    double missing; /* probability that an output's value does not come, per sample, [0, 1] */
 };
 
 /* One set of estimators that talk to each other. Several networks in a scenario estimate from the
@@ -76,6 +77,7 @@ struct scenario_noises {
  * otherwise: a set of its own replaces both, then its own parameters are put in. */
 struct scenario_network {
     char *name;
+    char *title; /* for legends and tables, NULL: the method's */
     struct scenario_parameter
         *parameters; /* the estimators' own plant parameters: model mismatch */
     unsigned parameters_count;

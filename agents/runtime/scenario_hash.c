@@ -106,9 +106,11 @@ static bool is_scalar(const cyaml_schema_value_t *schema)
            schema->type == CYAML_BOOL || schema->type == CYAML_ENUM;
 }
 
-static bool is_for_people(const char *key)
+/* What cannot change a result: titles anywhere, and some keys of the scenario itself. */
+static bool has_no_effect(const char *key, bool top)
 {
-    return strcmp(key, "title") == 0 || strcmp(key, "source") == 0 || strcmp(key, "timeouts") == 0;
+    return strcmp(key, "title") == 0 ||
+           (top && (strcmp(key, "source") == 0 || strcmp(key, "timeouts") == 0));
 }
 
 /* A scalar 0 or a group of such. */
@@ -128,7 +130,7 @@ static uint64_t add_fields(uint64_t hash, const cyaml_schema_field_t *fields,
 {
     for (const cyaml_schema_field_t *field = fields; field->key != NULL; field++) {
         const unsigned char *data = base + field->data_offset;
-        if (top && is_for_people(field->key))
+        if (has_no_effect(field->key, top))
             continue;
         if ((field->value.flags & CYAML_FLAG_POINTER) != 0) {
             data = pointer_at(data);

@@ -20,9 +20,9 @@
 
 /* The schema refers to parts of itself: do not copy it. */
 struct scenario_schema {
-    cyaml_schema_field_t network[5 + SCENARIO_MAX_METHODS];
+    cyaml_schema_field_t network[16 + SCENARIO_MAX_METHODS];
     cyaml_schema_value_t network_entry;
-    cyaml_schema_field_t top[10];
+    cyaml_schema_field_t top[16];
     cyaml_schema_value_t root;
 };
 

@@ -53,10 +53,11 @@ static const cyaml_schema_field_t noise_fields[] = {
 static const cyaml_schema_field_t noises_fields[] = {
     CYAML_FIELD_MAPPING("process", OPTIONAL, struct scenario_noises, process, noise_fields),
     CYAML_FIELD_MAPPING("measurement", OPTIONAL, struct scenario_noises, measurement, noise_fields),
-    CYAML_FIELD_END};
+    CYAML_FIELD_FLOAT("missing", OPTIONAL, struct scenario_noises, missing), CYAML_FIELD_END};
 
 static const cyaml_schema_field_t network_fields[] = {
     CYAML_FIELD_STRING_PTR("name", CYAML_FLAG_POINTER, struct scenario_network, name, 1, 31),
+    CYAML_FIELD_STRING_PTR("title", OPTIONAL_POINTER, struct scenario_network, title, 1, 100),
     CYAML_FIELD_SEQUENCE("guess", CYAML_FLAG_POINTER, struct scenario_network, guess, &number, 1,
                          LONGEST_LIST),
     CYAML_FIELD_STRING_PTR("set", OPTIONAL_POINTER, struct scenario_network, set, 1, 63),
@@ -146,10 +147,19 @@ const struct scenario_rule scenario_rules[] = {
      .count = SCENARIO_PER_OUTPUT,
      .absent = "none",
      .meaning = "bound (uniform) or standard deviation (gaussian), in the output's unit"},
+    {.key = "noise.missing",
+     .min = 0,
+     .max = 1,
+     .absent = "0",
+     .meaning = "probability that an output's value is missing, drawn per output and sample"},
     {.key = "networks",
      SCENARIO_ANY,
      .meaning = "estimators side by side on the same measurements; each with one method"},
     {.key = "networks[].name", SCENARIO_ANY, .meaning = "unique: letters, digits, _ and -"},
+    {.key = "networks[].title",
+     SCENARIO_ANY,
+     .absent = "the method's",
+     .meaning = "a few words for tables and legends"},
     {.key = "networks[].guess",
      SCENARIO_ANY,
      .count = SCENARIO_PER_STATE,
@@ -174,6 +184,11 @@ const struct scenario_rule scenario_rules[] = {
      .absent = "20",
      .meaning = "nobody waits longer than this for anything, in seconds"},
     {.key = NULL}};
+
+#define ROOM(array) CYAML_ARRAY_LEN(((struct scenario_schema *)NULL)->array)
+_Static_assert(CYAML_ARRAY_LEN(network_fields) + SCENARIO_MAX_METHODS < ROOM(network),
+               "no room for the sections and the end mark");
+_Static_assert(CYAML_ARRAY_LEN(top_fields) <= ROOM(top), "no room for the top keys");
 
 void scenario_schema_make(struct scenario_schema *schema)
 {

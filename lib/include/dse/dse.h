@@ -1,0 +1,22 @@
+/* The whole library. */
+#ifndef DSE_DSE_H
+#define DSE_DSE_H
+
+#include "dse/arena.h"
+#include "dse/ekf.h"
+#include "dse/factored.h"
+#include "dse/health.h"
+#include "dse/high_gain_ekf.h"
+#include "dse/kalman.h"
+#include "dse/linalg.h"
+#include "dse/math.h"
+#include "dse/model.h"
+#include "dse/normal_form.h"
+#include "dse/ode.h"
+#include "dse/plant.h"
+#include "dse/random.h"
+#include "dse/real.h"
+#include "dse/status.h"
+#include "dse/wire.h"
+
+#endif
