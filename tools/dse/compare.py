@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dse.log import Estimates, Floats, Ints, Node, Run
+from dse.run import Estimates, Floats, Ints, Node, Run
 
 NO_SAMPLES: Ints = np.zeros(0, dtype=np.int64)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from scipy.io import savemat
 
-from dse.log import HEALTH, Node, Run, Series, Signal
+from dse.run import HEALTH, Node, Run, Series, Signal
 
 FORMATS = ("csv", "parquet", "mat")
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -12,9 +12,10 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from numpy.typing import NDArray
 
-from dse.log import HEALTH, TRACKING, Network, Node, Run
 from dse.metrics import errors
+from dse.run import HEALTH, TRACKING, Floats, Network, Node, Run
 
 TRUTH = "#111111"
 # Distinct in hue and in lightness, also for colour-blind readers (after Okabe and Ito).
@@ -47,7 +48,6 @@ STYLE: dict[Any, Any] = {
     "savefig.dpi": 150,
 }
 
-LineStyle = Literal["-"] | tuple[float, tuple[float, ...]]
 Colours = dict[str, str]
 """Colour of each network by name."""
 
@@ -74,9 +74,10 @@ def state(run: Run, index: int, networks: Sequence[Network], style: Colours) -> 
         linear = figure.add_subplot(grid[1, 0])
         logarithmic = figure.add_subplot(grid[1, 1])
         _estimates(top, run, index, networks, style)
-        top.set_title(f"{signal.name}: {signal.title}" if signal.title else signal.name)
+        top.set_title(_capital(signal.title) or signal.name)
         _errors(linear, run, index, networks, style)
-        linear.set_title("Estimate minus truth")
+        deviation = any(np.isfinite(node.estimates.variance).any() for _, node in run.nodes)
+        linear.set_title("Estimate minus truth" + (" (shaded: 2 std. dev.)" if deviation else ""))
         _magnitudes(logarithmic, run, index, networks, style)
         logarithmic.set_title("Magnitude of the error")
         for axes in (top, linear, logarithmic):
@@ -89,11 +90,7 @@ def state(run: Run, index: int, networks: Sequence[Network], style: Colours) -> 
 
 
 def overview(
-    run: Run,
-    states: Sequence[int],
-    networks: Sequence[Network],
-    style: Colours,
-    title: str | None = None,
+    run: Run, states: Sequence[int], networks: Sequence[Network], style: Colours
 ) -> Figure:
     """Several states in a grid, truth and estimates."""
     columns = 1 if len(states) == 1 else 2 if len(states) <= 8 else 3
@@ -104,49 +101,49 @@ def overview(
         for axes, index in zip(grid.flat, states, strict=False):
             signal = run.states[index]
             _estimates(axes, run, index, networks, style)
-            axes.set_title(signal.title or signal.name, fontsize=10)
+            axes.set_title(_capital(signal.title) or signal.name)
             axes.set_ylabel(signal.label)
-        for axes in grid.flat[len(states) :]:
-            axes.set_visible(False)
-        for column in range(columns):
-            last = max(i for i in range(len(states)) if i % columns == column)
-            grid.flat[last].set_xlabel(_time_label(run))
-            grid.flat[last].tick_params(labelbottom=True)
-        if title:
-            figure.suptitle(title, x=0.01, ha="left", fontweight="bold", fontsize=12)
+        _finish_grid(grid, len(states), _time_label(run))
         _legend(figure, networks, style, truth=len(run.truth.sample) > 0)
     return figure
 
 
-def diagnostics(
-    run: Run, names: Sequence[str], networks: Sequence[Network], style: Colours
-) -> Figure:
-    """Methods' own quantities, one panel each, all nodes that have them."""
+def diagnostic(run: Run, name: str, networks: Sequence[Network], style: Colours) -> Figure:
+    """A methods' own quantity: a panel for each node, or one for all where there are many."""
+    having = [
+        (network, node, column)
+        for network in networks
+        for node in network.nodes
+        for column, signal in enumerate(node.diagnostics)
+        if signal.name == name
+    ]
+    numbers = sorted({node.node for _, node, _ in having})
+    apart = len(numbers) <= 6
+    panels = numbers if apart else [-1]
+    columns = min(2, len(panels))
+    rows = -(-len(panels) // columns)
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.5, 2.9 * len(names) + 0.5))
-        grid = figure.subplots(len(names), 1, squeeze=False, sharex=True)
-        used: dict[str, Network] = {}
-        for axes, name in zip(grid.flat, names, strict=True):
-            unit = ""
-            for network in networks:
-                for node, nth, line in _styled(network):
-                    column = [signal.name for signal in node.diagnostics]
-                    if name not in column:
-                        continue
-                    i = column.index(name)
-                    unit = node.diagnostics[i].unit
-                    axes.plot(
-                        node.estimates.time,
-                        node.estimates.diagnostic[:, i],
-                        color=style[network.name],
-                        linestyle=line,
-                        alpha=nth,
-                    )
-                    used[network.name] = network
-            axes.set_title(name)
+        figure = Figure(figsize=(9.5, 2.6 * rows + 0.6))
+        grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+        for axes, number in zip(grid.flat, panels, strict=False):
+            for network, node, column in having:
+                if apart and node.node != number:
+                    continue
+                axes.plot(
+                    node.estimates.time,
+                    node.estimates.diagnostic[:, column],
+                    color=style[network.name],
+                    alpha=0.9 if apart else _opacity(len(numbers)),
+                    linewidth=1.2,
+                )
+            names = {node.name for _, node, _ in having if node.node == number}
+            axes.set_title(" / ".join(sorted(names)) if apart else "all nodes")
+            axes.margins(x=0.01)
+        _finish_grid(grid, len(panels), _time_label(run))
+        unit = next((node.diagnostics[column].unit for _, node, column in having), "")
+        for axes in grid[:, 0]:
             axes.set_ylabel(f"{name} [{unit}]" if unit else name)
-        grid[-1, 0].set_xlabel(_time_label(run))
-        _legend(figure, list(used.values()), style, truth=False, nodes=True)
+        _legend(figure, [n for n in networks if any(n is h for h, _, _ in having)], style, False)
     return figure
 
 
@@ -204,19 +201,31 @@ def _time_label(run: Run) -> str:
     return f"time [{run.time_unit}]" if run.time_unit else "time"
 
 
-def _styled(network: Network) -> list[tuple[Node, float, LineStyle]]:
-    """Nodes of one network share its colour: with opacity and line style that tell them apart."""
-    if len(network.nodes) > 4:
-        return [(node, max(0.15, 2 / len(network.nodes)), "-") for node in network.nodes]
-    lines: tuple[LineStyle, ...] = ("-", (0, (5, 1.5)), (0, (2, 1.2)), (0, (6, 1.5, 1, 1.5)))
-    return [(node, 1.0, lines[i]) for i, node in enumerate(network.nodes)]
+def _finish_grid(grid: NDArray[Any], used: int, time_label: str) -> None:
+    """Hide the panels that are left over and label the time axis of the lowest ones."""
+    columns = grid.shape[1]
+    for axes in grid.flat[used:]:
+        axes.set_visible(False)
+    for column in range(min(columns, used)):
+        lowest = max(i for i in range(used) if i % columns == column)
+        grid.flat[lowest].set_xlabel(time_label)
+        grid.flat[lowest].tick_params(labelbottom=True)
+
+
+def _opacity(lines: int) -> float:
+    """Of one of several lines of the same colour."""
+    return 0.95 if lines <= 2 else max(0.15, 2 / lines)
+
+
+def _capital(text: str) -> str:
+    """The first letter as a capital: titles are written in lower case in run_info."""
+    return text[:1].upper() + text[1:]
 
 
 def _of_state(network: Network, index: int) -> list[tuple[Node, int, float]]:
     """The nodes that estimate a plant state, its column in their estimates, and an opacity."""
     nodes = [node for node in network.nodes if index in node.states]
-    opacity = 0.95 if len(nodes) <= 2 else max(0.15, 2 / len(nodes))
-    return [(node, node.states.index(index), opacity) for node in nodes]
+    return [(node, node.states.index(index), _opacity(len(nodes))) for node in nodes]
 
 
 def _estimates(
@@ -272,19 +281,21 @@ def _errors(axes: Axes, run: Run, index: int, networks: Sequence[Network], style
 def _magnitudes(
     axes: Axes, run: Run, index: int, networks: Sequence[Network], style: Colours
 ) -> None:
-    positive = False
+    sizes = []
     for network in networks:
         for node, column, opacity in _of_state(network, index):
             time, error, _ = _error(run, node, column)
             size = np.where(np.isfinite(error) & (error != 0), np.abs(error), np.nan)
-            axes.plot(time, size, color=style[network.name], alpha=opacity, linewidth=1.0)
-            positive = positive or bool(np.isfinite(size).any())
-    if positive:
+            axes.plot(time, size, color=style[network.name], alpha=0.85 * opacity, linewidth=0.8)
+            sizes.append(size[np.isfinite(size)])
+    if sizes and len(every := np.concatenate(sizes)):
         axes.set_yscale("log")
+        # Where an error changes its sign its logarithm dives: such spikes tell nothing.
+        axes.set_ylim(np.quantile(every, 0.005) / 2, every.max() * 2)
     axes.margins(x=0.01)
 
 
-def _error(run: Run, node: Node, column: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _error(run: Run, node: Node, column: int) -> tuple[Floats, Floats, Floats]:
     """Time, error and standard deviation of one column of a node's estimates, each (K,)."""
     samples, error = errors(run.truth, node.estimates, node.states)
     mine = np.isin(node.estimates.sample, samples)
@@ -293,23 +304,19 @@ def _error(run: Run, node: Node, column: int) -> tuple[np.ndarray, np.ndarray, n
     return node.estimates.time[mine], error[:, column], deviation
 
 
-def _legend(
-    figure: Figure, networks: Sequence[Network], style: Colours, truth: bool, nodes: bool = False
-) -> None:
-    """Above the panels: truth and networks; with `nodes` also the line styles of nodes."""
+def _legend(figure: Figure, networks: Sequence[Network], style: Colours, truth: bool) -> None:
+    """Above the panels: truth and networks."""
     handles = [Line2D([], [], color=TRUTH, linestyle=(0, (4, 1.6)), label="truth")] if truth else []
-    for network in networks:
-        few = nodes and 1 < len(network.nodes) <= 4
-        for node, opacity, line in _styled(network) if few else ():
-            label = f"{network.name} / {node.name}"
-            handles.append(
-                Line2D(
-                    [], [], color=style[network.name], alpha=opacity, linestyle=line, label=label
-                )
-            )
-        if not few:
-            method = network.nodes[0].method_title if network.nodes else ""
-            label = f"{network.name} ({method})" if method else network.name
-            handles.append(Line2D([], [], color=style[network.name], label=label))
+    titles = [_method(network) for network in networks]
+    for network, title in zip(networks, titles, strict=True):
+        # Variants of one method differ in their names only.
+        label = f"{network.name}: {title}" if title and titles.count(title) == 1 else network.name
+        handles.append(Line2D([], [], color=style[network.name], label=label))
     if handles:
         figure.legend(handles=handles, loc="outside upper left", ncols=min(len(handles), 4))
+
+
+def _method(network: Network) -> str:
+    """Title of the method of all its nodes, if that says more than the network's name."""
+    titles = {node.method_title for node in network.nodes} - {network.name}
+    return titles.pop() if len(titles) == 1 else ""

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 from dse import __version__, plots
 from dse.commands.info import facts
-from dse.log import Run
-from dse.metrics import DEFINITIONS, Metrics
+from dse.evaluate import DEFINITIONS, Metrics
+from dse.run import Run
 from dse.tables import number, percent
 
 OVERVIEW_STATES = 12
@@ -49,7 +49,7 @@ def write(run: Run, metrics: Metrics, directory: Path) -> Path:
         file = f"state_{_word(signal.name)}.png"
         add("states", figure, file, signal.title or signal.name, f"state-{signal.name}")
     for name in dict.fromkeys(d.name for _, node in run.nodes for d in node.diagnostics):
-        figure = plots.diagnostics(run, [name], run.networks, style)
+        figure = plots.diagnostic(run, name, run.networks, style)
         add("diagnostics", figure, f"diagnostic_{_word(name)}.png", name)
 
     page = directory / "report.html"

@@ -7,8 +7,8 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from dse.log import Run
-from dse.metrics import Metrics, StateMetrics
+from dse.evaluate import Metrics, StateMetrics
+from dse.run import Run
 
 
 def console() -> Console:

@@ -101,6 +101,20 @@ def estimate(plan: Plan, network: int) -> np.ndarray:
     return x + error
 
 
+def variance(plan: Plan, network: int) -> float:
+    """The first network has one, the second has none."""
+    return plan.noise**2 if network == 0 else float("nan")
+
+
+def published_hash(plan: Plan, network: int, node: int) -> int:
+    """FNV-1a over states and variances, sample after sample, as the agents compute it."""
+    digest = 0xCBF29CE484222325
+    for state in estimate(plan, network)[:, node_states(plan, node)]:
+        for byte in np.append(state, [variance(plan, network)] * len(state)).tobytes():
+            digest = ((digest ^ byte) * 0x100000001B3) % 2**64
+    return digest
+
+
 def parts(values: np.ndarray, capacity: int = 32) -> Iterator[tuple[int, int, int, list[float]]]:
     """(part, parts, count, padded values)."""
     number = max(1, -(-len(values) // capacity))
@@ -218,7 +232,7 @@ def put_estimate(
         message.part, message.parts, message.count = part, number, count
         message.diagnostics = len(diagnostic)
         message.state = values
-        message.variance = [plan.noise**2 if network == 0 else float("nan")] * 32
+        message.variance = [variance(plan, network)] * 32
         message.diagnostic = diagnostic + [0.0] * (16 - len(diagnostic))
         channel = f"DSE_ESTIMATE_{network}_{node}"
         if (network, node, k) not in plan.lose:
@@ -247,6 +261,8 @@ def put_run(log: lcm.EventLog, plan: Plan) -> None:
         status.instance, status.state = 99, lcmtypes.status_t.STATE_FINISHED
         status.duplicates, status.asked = 3, 1
         status.reason = bytes(200)
+        published = published_hash(plan, network, node)
+        status.estimate_hash = published - 2**64 if published >= 2**63 else published
         writer.put("DSE_STATUS", status)
     clock = lcmtypes.clock_t()
     clock.header = writer.header("clock", plant, -1, 0, plan.samples - 1)

@@ -3,7 +3,8 @@
 import argparse
 import sys
 
-from dse.log import Run, read
+from dse.log import read
+from dse.run import Run
 
 
 def add_log(parser: argparse.ArgumentParser) -> None:

@@ -9,7 +9,8 @@ import argparse
 
 from dse.commands import warn
 from dse.compare import NodeComparison, compare
-from dse.log import Run, read
+from dse.log import read
+from dse.run import Run
 from dse.tables import console, table
 
 NAME = "compare"

@@ -1,13 +1,14 @@
 """Say what a log holds: run, scenario, plant, estimators, channels, and what is wrong with it."""
 
 import argparse
+import math
 from collections import Counter
 from datetime import UTC, datetime
 
 from rich.table import Table
 
 from dse.commands import add_log, read_run
-from dse.log import Run
+from dse.run import Run
 from dse.tables import console, table
 
 NAME = "info"
@@ -45,7 +46,6 @@ def facts(run: Run) -> dict[str, str]:
     log, time, plant = run.log, run.info.get("time") or {}, run.info.get("plant") or {}
     scenario = run.scenario
     start = datetime.fromtimestamp(log.first_us / 1e6, UTC)
-    samples = f"{len(run.truth.sample)} of {time.get('samples')}"
     found = {
         "log": f"{log.path}, {log.size} bytes, {log.events} events",
         "logged": f"{start:%Y-%m-%d %H:%M:%S} UTC, for {(log.last_us - log.first_us) / 1e6:.3f} s",
@@ -59,7 +59,8 @@ def facts(run: Run) -> dict[str, str]:
         "states": ", ".join(state.label for state in run.states),
         "inputs": ", ".join(signal.label for signal in run.inputs),
         "outputs": ", ".join(signal.label for signal in run.outputs),
-        "samples": f"{samples}, period {time.get('period'):.10g} {run.time_unit}",
+        "samples": f"{len(run.truth.sample)} of {time.get('samples')}",
+        "period": f"{time.get('period') or math.nan:.10g} {run.time_unit}",
         "pace": str(run.info.get("pace")),
         "end": run.ended,
         "other runs": ", ".join(f"{i:#x} ({n} estimates)" for i, n in run.other_runs.items()),

@@ -21,11 +21,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--state", metavar="NAME", action="append", default=[], help="a state; may be repeated"
     )
     parser.add_argument(
-        "--diagnostic",
-        metavar="NAME",
-        action="append",
-        default=[],
-        help="a method's own quantity, instead of states; may be repeated",
+        "--diagnostic", metavar="NAME", help="a method's own quantity, instead of states"
     )
     parser.add_argument(
         "--network", metavar="NAME", action="append", default=[], help="this network only"
@@ -41,9 +37,8 @@ def run(options: argparse.Namespace) -> int:
         names = ", ".join(state.name for state in found.states)
         raise UserError(f"give --state (one of {names}) or --diagnostic")
     known = [signal.name for _, node in found.nodes for signal in node.diagnostics]
-    for name in options.diagnostic:
-        if name not in known:
-            raise unknown("diagnostic", name, known)
+    if options.diagnostic and options.diagnostic not in known:
+        raise unknown("diagnostic", options.diagnostic, known)
     states = [found.state(name) for name in options.state]
 
     from dse import plots  # matplotlib takes a second to load
@@ -54,8 +49,8 @@ def run(options: argparse.Namespace) -> int:
     elif states:
         figure = plots.overview(found, states, networks, style)
     else:
-        figure = plots.diagnostics(found, options.diagnostic, networks, style)
-    names = "_".join(options.state + options.diagnostic)
+        figure = plots.diagnostic(found, options.diagnostic, networks, style)
+    names = "_".join(options.state) or options.diagnostic
     path = options.output or Path(f"{Path(options.log).stem}_{names}.png".replace("/", "_"))
     try:
         plots.save(figure, path)

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from dse.commands import add_log, read_run
 from dse.errors import UserError
-from dse.metrics import DEFINITIONS, LATE, evaluate, to_json
+from dse.evaluate import DEFINITIONS, evaluate, to_json
+from dse.metrics import LATE
 from dse.tables import console
 from dse.tables import report as tables
 
