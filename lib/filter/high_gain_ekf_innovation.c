@@ -77,16 +77,9 @@ static enum dse_status plant(void *context, dse_real t, const dse_real *chi, dse
  * to disagree with y, which is all that it is asked for. */
 static void predict(struct dse_high_gain_ekf *filter, dse_real *slot)
 {
-    dse_real *before = filter->z;
-    for (int k = 0; k < filter->n; k++) {
-        before[k] = slot[k];
-    }
-    const enum dse_status status =
-        dse_rk4_step(plant, filter, filter->t, filter->config->period, filter->n, slot, filter->rk);
-    if (status != DSE_OK || !dse_all_finite(slot, filter->n)) {
-        for (int k = 0; k < filter->n; k++) {
-            slot[k] = before[k];
-        }
+    /* a step that fails or is not finite leaves the state where it was */
+    if (dse_rk4_step(plant, filter, filter->t, filter->config->period, filter->n, slot,
+                     filter->rk) != DSE_OK) {
         filter->counters.frozen_predictions++;
     }
 }

@@ -120,7 +120,8 @@ static enum dse_status correct(struct dse_high_gain_ekf *filter, dse_real t, con
 }
 
 /* P' = F P + P F' + Q_th - P C' R_th^-1 C P   (A.28); without a measurement the last term is not
- * there. */
+ * there. Entries (r, c) and (c, r) are sums and products of the same numbers, so that P stays
+ * symmetric to the last bit. */
 static void riccati(struct dse_high_gain_ekf *filter)
 {
     const int n_i = filter->n_i;
@@ -201,7 +202,6 @@ enum dse_status dse_high_gain_combine(struct dse_high_gain_ekf *filter)
     for (int k = 0; k < n_P; k++) {
         filter->Ps[k] = filter->P[k] + sixth * filter->sP[k];
     }
-    dse_sym_enforce(filter->n_i, filter->Ps);
     if (!dse_all_finite(filter->xs, filter->n) || !dse_all_finite(filter->Ps, n_P)) {
         return DSE_ENONFINITE;
     }

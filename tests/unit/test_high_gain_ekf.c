@@ -46,7 +46,8 @@ static void gain_stays_in_its_interval_for_any_innovation_and_step(void **state)
         gain.theta_m = theta_m[a];
         for (int b = 0; b < 7; b++) {
             for (int c = 0; c < 5; c++) {
-                for (dse_real theta = 1; theta <= 2 * theta_m[a]; theta += theta_m[a] / 7) {
+                for (int s = 0; s <= 10; s++) {
+                    const dse_real theta = 1 + (dse_real)s / 10 * (2 * theta_m[a] - 1);
                     const dse_real next = dse_gain_adaptation_step(&gain, h[c], J[b], theta);
                     assert_true(next >= 1 && next <= 2 * theta_m[a]);
                 }
@@ -168,7 +169,7 @@ static enum dse_status linear_h(const struct dse_model *model, dse_real t, const
 {
     (void)t;
     (void)u;
-    for (int j = 0; j < model->ny; j++) {
+    for (int j = 0; j < model->ny && j < LINEAR_P; j++) {
         y[j] = x[linear_outputs[j]];
     }
     return DSE_OK;
@@ -353,8 +354,8 @@ static void cstr_network(struct network *network, const struct dse_high_gain_ekf
 
 static void exchange(struct network *network, int round)
 {
-    dse_real message[MAX_P][DSE_HIGH_GAIN_EKF_MESSAGE(2)];
-    int count[MAX_P];
+    dse_real message[MAX_P][DSE_HIGH_GAIN_EKF_MESSAGE(2)] = {{0}};
+    int count[MAX_P] = {0};
     for (int j = 0; j < network->p; j++) {
         count[j] = dse_high_gain_ekf_message(&network->filter[j], round, message[j]);
     }
@@ -793,6 +794,22 @@ static void mapped_and_normal_are_one_filter_for_an_undivided_system(void **stat
     assert_true(dse_abs(normal.filter[0].x[1] - mapped.filter[0].x[1]) > DSE_REAL(1e-3));
 }
 
+/* With an identity map the three coordinates are one filter, theta and all. */
+static void coordinates_agree_when_the_map_is_the_identity(void **state)
+{
+    (void)state;
+    static struct network networks[3];
+    for (int c = 0; c < 3; c++) {
+        struct dse_high_gain_ekf_config config = linear_config();
+        config.coords = (enum dse_high_gain_coords)c;
+        linear_network(&networks[c], &config);
+        for (int k = 0; k < 2 * HORIZON; k++) {
+            tick(&networks[c]);
+        }
+        assert_same_state(&networks[0], &networks[c]);
+    }
+}
+
 static void physical_covariance_is_that_of_the_decoded_block(void **state)
 {
     (void)state;
@@ -1076,23 +1093,25 @@ static void prediction_that_cannot_go_on_stands_still(void **state)
 {
     (void)state;
     static struct network network;
-    static struct linear broken;
     const struct dse_high_gain_ekf_config config = linear_config();
-    linear_network(&network, &config);
-    tick(&network);
-    broken = coupled;
-    broken.broken = true;
-    struct dse_model working = network.model;
-    begin_tick(&network);
-    network.model.parameters = &broken; /* the form still works */
-    for (int r = 0; r < dse_high_gain_ekf_rounds(&network.filter[0]); r++) {
-        exchange(&network, r);
-        assert_int_equal(dse_high_gain_ekf_advance(&network.filter[0], r), DSE_OK);
+    for (int wild = 0; wild < 2; wild++) {
+        struct linear lost = coupled; /* the model that the predictions use; the form still works */
+        lost.broken = wild == 0;
+        lost.wild = wild == 1;
+        linear_network(&network, &config);
+        tick(&network);
+        struct dse_high_gain_ekf *f = &network.filter[0];
+        dse_real before[LINEAR_N];
+        memcpy(before, f->ring, sizeof before);
+        begin_tick(&network);
+        network.model.parameters = &lost;
+        exchange(&network, 0);
+        assert_int_equal(dse_high_gain_ekf_advance(f, 0), DSE_OK);
+        assert_int_equal(dse_high_gain_ekf_finish(f), DSE_OK);
+        assert_memory_equal(f->ring, before, sizeof before);
+        assert_int_equal(dse_high_gain_ekf_counters(f)->frozen_predictions, 2);
+        assert_int_equal(dse_high_gain_ekf_health(f), DSE_HEALTH_TRACKING);
     }
-    assert_int_equal(dse_high_gain_ekf_finish(&network.filter[0]), DSE_OK);
-    network.model = working;
-    assert_int_equal(dse_high_gain_ekf_counters(&network.filter[0])->frozen_predictions, 2);
-    assert_int_equal(dse_high_gain_ekf_health(&network.filter[0]), DSE_HEALTH_TRACKING);
 }
 
 /* ---- missing measurements and failures ---- */
@@ -1202,6 +1221,22 @@ static void failed_tick_leaves_the_state_as_it_was(void **state)
             assert_int_equal(dse_high_gain_ekf_health(&failing.filter[0]), DSE_HEALTH_TRACKING);
         }
     }
+}
+
+/* P' = -P^2/R with h P/R = 4: one explicit step overshoots to a negative P. */
+static void tick_that_loses_positive_definiteness_is_given_up(void **state)
+{
+    (void)state;
+    static struct network network;
+    struct dse_high_gain_ekf_config config = linear_config();
+    config.R = DSE_REAL(0.005);
+    linear_network(&network, &config);
+    begin_tick(&network);
+    struct dse_high_gain_ekf *f = &network.filter[0];
+    assert_int_equal(dse_high_gain_ekf_advance(f, 0), DSE_OK);
+    assert_int_equal(dse_high_gain_ekf_finish(f), DSE_ENOTPD);
+    assert_int_equal(dse_high_gain_ekf_health(f), DSE_HEALTH_DIVERGED);
+    assert_memory_equal(dse_high_gain_ekf_covariance(f), network.P0, sizeof network.P0);
 }
 
 static void inputs_that_are_not_numbers_fail_the_tick(void **state)
@@ -1360,6 +1395,7 @@ int main(void)
         cmocka_unit_test(riccati_reaches_the_solution_of_the_algebraic_equation),
         cmocka_unit_test(picture_is_encoded_anew_when_the_input_jumps),
         cmocka_unit_test(mapped_and_normal_are_one_filter_for_an_undivided_system),
+        cmocka_unit_test(coordinates_agree_when_the_map_is_the_identity),
         cmocka_unit_test(physical_covariance_is_that_of_the_decoded_block),
         cmocka_unit_test(order_of_messages_does_not_matter),
         cmocka_unit_test(filters_that_share_the_innovation_have_the_same_gain_to_the_last_bit),
@@ -1375,6 +1411,7 @@ int main(void)
         cmocka_unit_test(filter_without_measurements_coasts_on_the_model),
         cmocka_unit_test(measurement_that_is_not_a_number_counts_as_missing),
         cmocka_unit_test(failed_tick_leaves_the_state_as_it_was),
+        cmocka_unit_test(tick_that_loses_positive_definiteness_is_given_up),
         cmocka_unit_test(inputs_that_are_not_numbers_fail_the_tick),
         cmocka_unit_test(steps_of_a_tick_have_one_order),
         cmocka_unit_test(storage_is_what_the_constant_says),

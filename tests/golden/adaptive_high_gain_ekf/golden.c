@@ -126,7 +126,7 @@ int golden_plant_load(struct golden_plant *out, const char *name)
             }
         }
     }
-    if (out->set == NULL) {
+    if (out->plant == NULL || out->set == NULL) {
         printf("  the plant '%s' is not supported\n", name != NULL ? name : "(none)");
         return GOLDEN_UNSUPPORTED;
     }

@@ -147,8 +147,8 @@ static void tear_down(struct run *run)
 
 static void exchange(struct run *run, int round)
 {
-    double message[MAX_P][DSE_HIGH_GAIN_EKF_MESSAGE(2)];
-    int count[MAX_P];
+    double message[MAX_P][DSE_HIGH_GAIN_EKF_MESSAGE(2)] = {{0}};
+    int count[MAX_P] = {0};
     for (int j = 0; j < run->p; j++) {
         count[j] = dse_high_gain_ekf_message(&run->filter[j], round, message[j]);
     }
