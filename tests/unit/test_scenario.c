@@ -44,7 +44,9 @@ static const char full[] = "name: full\n"
                            "noise:\n"
                            "  process: {distribution: gaussian, scale: [1, 2, 3, 4]}\n"
                            "  measurement: {distribution: uniform, scale: [0.5, 0]}\n"
+                           "  missing: 0.25\n"
                            "networks:\n" NETWORK "  - name: two\n"
+                           "    title: the second\n"
                            "    guess: *guess\n"
                            "    set: ch2\n"
                            "    parameters: [{name: Fr, value: 36}]\n"
@@ -101,7 +103,9 @@ static void every_stated_value_arrives(void **state)
     assert_int_equal(s->noise.process.distribution, SCENARIO_GAUSSIAN);
     assert_true(s->noise.process.scale[3] == 4);
     assert_int_equal(s->noise.measurement.distribution, SCENARIO_UNIFORM);
+    assert_true(s->noise.missing == 0.25);
     assert_int_equal(s->networks_count, 2);
+    assert_string_equal(s->networks[1].title, "the second");
     assert_string_equal(s->networks[1].set, "ch2");
     assert_true(s->networks[1].parameters[0].value == 36);
     assert_true(s->networks[1].guess[3] == 10.5);
@@ -283,6 +287,7 @@ static void hash_ignores_what_cannot_change_a_result(void **state)
     assert_true(hash_of(full, "title=other") == hash_of(full, NULL));
     assert_true(hash_of(full, "source=other") == hash_of(full, NULL));
     assert_true(hash_of(full, "timeouts.repeat_s=1") == hash_of(full, NULL));
+    assert_true(hash_of(full, "networks.two.title=other") == hash_of(full, NULL));
 }
 
 static void hash_feels_every_value_that_can_change_a_result(void **state)
@@ -302,6 +307,7 @@ static void hash_feels_every_value_that_can_change_a_result(void **state)
         "noise.process.distribution=uniform",
         "noise.process.scale[2]=3.5",
         "noise.measurement.scale[1]=1",
+        "noise.missing=0.5",
         "networks.two.guess[1]=2.7",
         "networks.two.set=ch4",
         "networks.two.high_gain_ekf.gain=permanent",
