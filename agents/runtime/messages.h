@@ -31,10 +31,12 @@ struct message_counters {
 };
 
 /* Each takes the bytes of one message apart. False: refused and counted, `message` is not to be
- * used. fingerprint and length   as of the type, before anything is read header known role, sample
- * >= -1, round >= 0, finite time parts and counts         0 <= part < parts <= MESSAGE_MAX_PARTS,
- * full parts before the last one numbers                  finite; in a measurement NaN or infinity
- * marks its channel invalid */
+ * used. What is checked:
+ * - fingerprint and length as of the type, before anything is read;
+ * - header: known role, sample >= -1, round >= 0, finite time;
+ * - parts and counts: 0 <= part < parts <= MESSAGE_MAX_PARTS, full parts before the last one;
+ * - numbers of inputs, truths and exchanges: finite. In a measurement NaN or infinity marks its
+ *   channel invalid; an estimate may carry NaN where there is no variance. */
 bool message_clock(const uint8_t *bytes, int length, struct message_counters *counters,
                    dse_clock_t *message);
 bool message_status(const uint8_t *bytes, int length, struct message_counters *counters,
