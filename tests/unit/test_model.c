@@ -248,9 +248,7 @@ static void linear_models_pass_at_zero_and_elsewhere(void **state)
     }
 }
 
-/* One large and one very small effect on f: the Jacobian forgets the small one. */
-static const dse_real unequal[4] = {1, DSE_REAL_EPSILON / 100, 0, 0};
-
+/* f1 = x1 + a x2, but the Jacobian forgets a. */
 static enum dse_status forgetful_dfdx(const struct dse_model *model, dse_real t, const dse_real *x,
                                       const dse_real *u, dse_real *F)
 {
@@ -260,17 +258,25 @@ static enum dse_status forgetful_dfdx(const struct dse_model *model, dse_real t,
     return DSE_OK;
 }
 
-static void effects_that_differences_cannot_resolve_raise_no_alarm(void **state)
+/* The deviation is a / (a + eps^(1/3)): nothing for an effect that differences cannot resolve, 1
+ * for an ordinary one. */
+static void small_effects_weigh_as_much_as_differences_can_resolve(void **state)
 {
     (void)state;
-    const struct dse_linear linear = {.A = unequal};
-    struct dse_model model;
-    dse_linear_model(&model, DSE_CONTINUOUS, 2, 0, 0, &linear);
-    model.dfdx = forgetful_dfdx;
-    const dse_real x[2] = {1, 1};
-    dse_real scratch[DSE_MODEL_CHECK_SCRATCH(2, 0)], worst;
-    assert_int_equal(dse_model_check_jacobians(&model, 0, x, NULL, scratch, &worst, NULL), DSE_OK);
-    assert_true(worst < RIGHT);
+    const dse_real resolution = (dse_real)cbrt((double)DSE_REAL_EPSILON);
+    const dse_real sizes[4] = {resolution * resolution, resolution, 3 * resolution, 1};
+    for (int i = 0; i < 4; i++) {
+        const dse_real unequal[4] = {1, sizes[i], 0, 0};
+        const struct dse_linear linear = {.A = unequal};
+        struct dse_model model;
+        dse_linear_model(&model, DSE_CONTINUOUS, 2, 0, 0, &linear);
+        model.dfdx = forgetful_dfdx;
+        const dse_real x[2] = {1, 1}, expected = sizes[i] / (sizes[i] + resolution);
+        dse_real scratch[DSE_MODEL_CHECK_SCRATCH(2, 0)], worst;
+        assert_int_equal(dse_model_check_jacobians(&model, 0, x, NULL, scratch, &worst, NULL),
+                         DSE_OK);
+        assert_true(dse_abs(worst - expected) < RIGHT);
+    }
 }
 
 static void check_of_jacobians_keeps_to_its_scratch(void **state)
@@ -341,7 +347,7 @@ int main(void)
         cmocka_unit_test(every_wrong_entry_is_found),
         cmocka_unit_test(a_dependence_that_is_not_there_is_found),
         cmocka_unit_test(linear_models_pass_at_zero_and_elsewhere),
-        cmocka_unit_test(effects_that_differences_cannot_resolve_raise_no_alarm),
+        cmocka_unit_test(small_effects_weigh_as_much_as_differences_can_resolve),
         cmocka_unit_test(check_of_jacobians_keeps_to_its_scratch),
         cmocka_unit_test(failures_of_the_check_are_told_apart),
     };

@@ -598,33 +598,45 @@ static enum dse_status quartic(void *context, dse_real t, const dse_real *x, dse
     return DSE_OK;
 }
 
+/* One step of size 2 from x0, with the tolerance a little above or below the estimate. */
+static void check_acceptance(dse_real x0, struct dse_rk45_config config, bool accepted)
+{
+    config.h0 = 2;
+    config.max_steps = 1;
+    dse_real x[1] = {x0}, scratch[DSE_RK45_SCRATCH(1)];
+    struct dse_rk45_result result;
+    enum dse_status status =
+        dse_rk45_integrate(quartic, NULL, &config, 0, 2, 1, x, scratch, &result);
+    assert_int_equal(status, accepted ? DSE_OK : DSE_ENOCONV);
+    assert_int_equal(result.steps, accepted);
+    assert_int_equal(result.rejected, !accepted);
+    const dse_real expected = accepted ? x0 + DSE_REAL(6.4) : x0;
+    assert_true(dse_abs(x[0] - expected) <= 8 * EPS * (dse_abs(x0) + 10));
+    assert_true(accepted ? result.h <= 2 : result.h < 2 && result.h > 1);
+}
+
 static void rk45_accepts_an_estimate_up_to_the_tolerance_and_not_beyond(void **state)
 {
     (void)state;
-    const dse_real estimate = DSE_REAL(71.0 / 270000 * 32);
-    for (int beyond = 0; beyond < 2; beyond++) {
-        const struct dse_rk45_config config = {.rtol = DSE_REAL(1e-30),
-                                               .atol = estimate * DSE_REAL(beyond ? 0.99 : 1.01),
-                                               .h0 = 2,
-                                               .max_steps = 1};
-        dse_real x[1] = {0}, scratch[DSE_RK45_SCRATCH(1)];
-        struct dse_rk45_result result;
-        enum dse_status status =
-            dse_rk45_integrate(quartic, NULL, &config, 0, 2, 1, x, scratch, &result);
-        assert_int_equal(status, beyond ? DSE_ENOCONV : DSE_OK);
-        assert_int_equal(result.steps, !beyond);
-        assert_int_equal(result.rejected, beyond);
-        assert_true(beyond ? x[0] == 0 : dse_abs(x[0] - DSE_REAL(6.4)) < 50 * EPS);
-        assert_true(beyond ? result.h < 2 && result.h > 1 : result.h <= 2);
-    }
+    const dse_real estimate = DSE_REAL(71.0 / 270000 * 32), none = DSE_REAL(1e-30);
+    const dse_real above = DSE_REAL(1.01) * estimate, below = DSE_REAL(0.99) * estimate;
+    check_acceptance(0, (struct dse_rk45_config){.rtol = none, .atol = above}, true);
+    check_acceptance(0, (struct dse_rk45_config){.rtol = none, .atol = below}, false);
+    /* relative to the larger of |x| before, here, */
+    check_acceptance(-1000, (struct dse_rk45_config){.rtol = above / 1000, .atol = none}, true);
+    check_acceptance(-1000, (struct dse_rk45_config){.rtol = below / 1000, .atol = none}, false);
+    /* and after */
+    const dse_real after = DSE_REAL(6.4);
+    check_acceptance(0, (struct dse_rk45_config){.rtol = above / after, .atol = none}, true);
+    check_acceptance(0, (struct dse_rk45_config){.rtol = below / after, .atol = none}, false);
 }
 
-/* dx = -context[0] x; context[1] keeps the earliest t > 0 that it is called for. */
+/* dx = -context[0] x; context[1] keeps the earliest t > 1 that it is called for. */
 static enum dse_status watched_decay(void *context, dse_real t, const dse_real *x, dse_real *dx)
 {
     dse_real *rate_and_time = context;
     dx[0] = -rate_and_time[0] * x[0];
-    if (t > 0 && (rate_and_time[1] == 0 || t < rate_and_time[1]))
+    if (t > 1 && (rate_and_time[1] == 0 || t < rate_and_time[1]))
         rate_and_time[1] = t;
     return DSE_OK;
 }
@@ -645,9 +657,10 @@ static void first_step_of_rk45_comes_from_the_size_of_x_and_f(void **state)
         dse_real rate_and_time[2] = {cases[i].rate, 0}, x[1] = {cases[i].x0};
         dse_real scratch[DSE_RK45_SCRATCH(1)];
         assert_int_equal(
-            dse_rk45_integrate(watched_decay, rate_and_time, NULL, 0, 4, 1, x, scratch, NULL),
+            dse_rk45_integrate(watched_decay, rate_and_time, NULL, 1, 5, 1, x, scratch, NULL),
             DSE_OK);
-        assert_true(dse_abs(5 * rate_and_time[1] - cases[i].h) < 10 * EPS * cases[i].h);
+        const dse_real h = 5 * (rate_and_time[1] - 1);
+        assert_true(dse_abs(h - cases[i].h) < 10 * EPS);
     }
 }
 
