@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "dse_clock_t.h"
+#include "runtime/networks.h"
 #include "runtime/node.h"
 #include "runtime/options.h"
 
@@ -86,7 +87,7 @@ static bool make_agents(const struct scenario *scenario, const struct options *o
         if (choice->network != NULL && strcmp(choice->network, scenario->networks[i].name) != 0)
             continue;
         known = true;
-        int nodes = node_count(scenario, (int)i, NULL, error);
+        int nodes = network_nodes(scenario, (int)i, NULL, error);
         if (nodes < 0)
             return false;
         most = nodes > most ? nodes : most;

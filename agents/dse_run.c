@@ -1,11 +1,5 @@
 /* dse-run: runs a scenario, as processes or in one, or re-estimates from a recorded log. */
-#include <errno.h>
 #include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <sys/stat.h>
-#include <time.h>
-#include <unistd.h>
 
 #include "dse_clock_t.h"
 #include "run/run.h"
@@ -128,31 +122,6 @@ static int read_options(int argc, char **argv, struct run_options *options)
     else
         consistent(options, &error);
     return error.text[0] != '\0' ? options_complain(program, &error) + 1 : 0;
-}
-
-bool run_log_path(const struct run_options *options, const struct scenario *scenario, char *path,
-                  int size, struct error *error)
-{
-    if (options->log != NULL) {
-        snprintf(path, (size_t)size, "%s", options->log);
-    } else {
-        char when[32];
-        time_t now = time(NULL);
-        struct tm local;
-        localtime_r(&now, &local);
-        strftime(when, sizeof when, "%Y%m%d-%H%M%S", &local);
-        if (mkdir("runs", 0777) != 0 && errno != EEXIST)
-            return error_set(error, "cannot make the folder runs: %s; give a place with --log",
-                             strerror(errno));
-        snprintf(path, (size_t)size, "runs/%s-%s.lcm", scenario->name, when);
-    }
-    if (path[0] == '\0')
-        return true;
-    FILE *file = fopen(path, "wb");
-    if (file == NULL)
-        return error_set(error, "cannot write the log %s: %s", path, strerror(errno));
-    fclose(file);
-    return true;
 }
 
 int main(int argc, char **argv)

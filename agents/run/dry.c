@@ -4,6 +4,7 @@
 
 #include "dse_clock_t.h"
 #include "run/run.h"
+#include "runtime/networks.h"
 #include "runtime/node.h"
 
 static void print_list(const char *title, const int *items, int count)
@@ -29,7 +30,7 @@ static void print_node(const struct scenario *scenario, const struct agent *agen
 static bool print_network(const struct scenario *scenario, int network, struct bus *bus,
                           struct error *error)
 {
-    int nodes = node_count(scenario, network, NULL, error);
+    int nodes = network_nodes(scenario, network, NULL, error);
     printf("network %d, %s: %d node(s)\n", network, scenario->networks[network].name, nodes);
     for (int node = 0; node < nodes; node++) {
         struct node_config config = {.scenario = scenario, .network = network, .node = node};

@@ -11,6 +11,7 @@
 #include "run/run.h"
 #include "runtime/agent.h"
 #include "runtime/clock.h"
+#include "runtime/networks.h"
 #include "runtime/node.h"
 
 #define JOIN_S 20.0
@@ -27,7 +28,7 @@ static bool add_nodes(struct network *network, const struct clock_config *clock,
 {
     const struct scenario *scenario = clock->scenario;
     for (unsigned i = 0; i < scenario->networks_count; i++) {
-        int nodes = node_count(scenario, (int)i, NULL, error);
+        int nodes = network_nodes(scenario, (int)i, NULL, error);
         struct agent *grown = nodes < 0
                                   ? NULL
                                   : realloc(network->agents, (size_t)(network->n_agents + nodes) *

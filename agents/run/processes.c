@@ -19,6 +19,7 @@
 #include "runtime/agent.h"
 #include "runtime/channels.h"
 #include "runtime/clock.h"
+#include "runtime/networks.h"
 #include "runtime/node.h"
 #include "runtime/run_info.h"
 #include "runtime/sender.h"
@@ -238,7 +239,7 @@ static bool count_nodes(const struct scenario *scenario, int *nodes, int *agents
     *nodes = 0;
     *agents = 0;
     for (unsigned i = 0; i < scenario->networks_count; i++) {
-        int count = node_count(scenario, (int)i, NULL, error);
+        int count = network_nodes(scenario, (int)i, NULL, error);
         if (count < 0)
             return false;
         *nodes = count > *nodes ? count : *nodes;

@@ -10,6 +10,7 @@
 #include <time.h>
 
 #include "runtime/channels.h"
+#include "runtime/networks.h"
 #include "runtime/node.h"
 #include "runtime/run_info.h"
 #include "runtime/sender.h"
@@ -109,7 +110,7 @@ static bool gather_members(struct clock *clock, struct error *error)
     for (int pass = 0; pass < 2; pass++) {
         int count = 0;
         for (unsigned i = 0; i < scenario->networks_count; i++) {
-            int nodes = node_count(scenario, (int)i, NULL, error);
+            int nodes = network_nodes(scenario, (int)i, NULL, error);
             if (nodes < 0)
                 return false;
             for (int node = 0; node < nodes; node++, count++)

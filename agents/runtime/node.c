@@ -6,17 +6,14 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/random.h>
 #include <unistd.h>
 
-#include "runtime/channels.h"
 #include "runtime/fingerprint.h"
 #include "runtime/node_internal.h"
 #include "runtime/run_info.h"
 
 #define STATUS_PERIOD_JOINING 0.1 /* s */
 #define STATUS_PERIOD_RUNNING 1.0
-#define REPLAY_LINGER         0.5 /* s for neighbours that still ask after the last sample */
 #define DEADLINE_SHARE        0.8 /* of the sampling period, realtime: later messages are predicted */
 #define DEFAULT_REPEAT        0.05
 #define DEFAULT_GIVE_UP       20.0
@@ -42,7 +39,7 @@ static double period_s(const struct node *node)
 
 /* ---- what the node says of itself ---- */
 
-static void publish_status(struct node *node, int state)
+void node_publish_status(struct node *node, int state)
 {
     dse_status_t message = {
         .instance = node->instance_id,
@@ -76,16 +73,16 @@ void node_fail(struct node *node, const char *format, ...)
     vsnprintf(node->reason, sizeof node->reason, format, arguments);
     va_end(arguments);
     node->state = AGENT_FAILED;
-    publish_status(node, DSE_STATUS_T_STATE_FAILED);
+    node_publish_status(node, DSE_STATUS_T_STATE_FAILED);
 }
 
-static void finish(struct node *node)
+void node_finish(struct node *node)
 {
     node->state = AGENT_FINISHED;
-    publish_status(node, DSE_STATUS_T_STATE_FINISHED);
+    node_publish_status(node, DSE_STATUS_T_STATE_FINISHED);
 }
 
-static void start(struct node *node)
+void node_start(struct node *node)
 {
     if (node->started)
         return;
@@ -97,7 +94,7 @@ static void start(struct node *node)
     if (json != NULL)
         sender_run_info(&node->sender, json);
     free(json);
-    publish_status(node, DSE_STATUS_T_STATE_RUNNING);
+    node_publish_status(node, DSE_STATUS_T_STATE_RUNNING);
 }
 
 /* ---- one sample ---- */
@@ -129,7 +126,7 @@ static void publish_done(struct node *node, int64_t k)
 }
 
 /* The last `done` again, under its old number. */
-static void repeat_done(struct node *node)
+void node_repeat_done(struct node *node)
 {
     node->sender.sequence[SENDER_DONE]--;
     publish_done(node, node->k - 1);
@@ -187,152 +184,12 @@ void node_advance(struct node *node)
     }
 }
 
-/* ---- messages ---- */
-
-/* A node of a recorded run is re-estimated under a run id of its own, the same in all processes. */
-static int64_t replay_run_id(int64_t recorded)
-{
-    uint64_t made = fingerprint_add(FINGERPRINT_START, &recorded, sizeof recorded);
-    return (int64_t)(made >> 1);
-}
-
-static void adopt_run(struct node *node, int64_t run_id)
-{
-    node->source_run = run_id;
-    if (node->sender.id.run_id == 0)
-        node->sender.id.run_id =
-            node->config.pace == DSE_CLOCK_T_PACE_REPLAY ? replay_run_id(run_id) : run_id;
-}
-
-static bool from_source(struct node *node, const dse_header_t *header)
-{
-    if (header->run_id == node->source_run)
-        return true;
-    node->counters.foreign_run++;
-    return false;
-}
-
-static void on_clock(void *user, const char *channel, const uint8_t *bytes, int length)
-{
-    (void)channel;
-    struct node *node = user;
-    dse_clock_t message;
-    if (!message_clock(bytes, length, &node->counters, &message))
-        return;
-    bool same = message.scenario_hash == (int64_t)node->config.scenario->hash;
-    bool replay = node->config.pace == DSE_CLOCK_T_PACE_REPLAY;
-    if (node->source_run == 0 && (same || (replay && message.event == DSE_CLOCK_T_EVENT_START)))
-        adopt_run(node, message.header.run_id);
-    if (!from_source(node, &message.header))
-        return;
-    if (!same && !replay) {
-        node_fail(node, "the plant of this run reads another scenario than %s",
-                  node->config.scenario->file);
-        return;
-    }
-    if (message.event == DSE_CLOCK_T_EVENT_JOIN && !node->started)
-        publish_status(node, DSE_STATUS_T_STATE_READY);
-    if (message.event == DSE_CLOCK_T_EVENT_START)
-        start(node);
-    if (message.event == DSE_CLOCK_T_EVENT_STOP && node->started && !node->stopping) {
-        node->stopping = true;
-        node->stop_at = message.header.sample;
-        node->linger_until = host_now() + (replay ? REPLAY_LINGER : 0);
-    } else if (message.event == DSE_CLOCK_T_EVENT_STOP && !node->started && !replay) {
-        finish(node);
-    }
-}
-
-/* Two processes for one node: the one that came later leaves; of two that join, the one with the
- * larger random number. */
-static void on_status(void *user, const char *channel, const uint8_t *bytes, int length)
-{
-    (void)channel;
-    struct node *node = user;
-    dse_status_t message;
-    if (!message_status(bytes, length, &node->counters, &message))
-        return;
-    const dse_header_t *header = &message.header;
-    bool same_place = header->network == node->sender.id.network &&
-                      header->node == node->sender.id.node &&
-                      (header->role == DSE_HEADER_T_ROLE_ESTIMATOR ||
-                       header->role == DSE_HEADER_T_ROLE_COORDINATOR);
-    bool same_run = header->run_id == node->sender.id.run_id || header->run_id == 0 ||
-                    node->sender.id.run_id == 0;
-    if (!same_place || message.instance == node->instance_id ||
-        message.scenario_hash != (int64_t)node->config.scenario->hash || !same_run ||
-        message.state > DSE_STATUS_T_STATE_RUNNING)
-        return;
-    int own = node->started ? DSE_STATUS_T_STATE_RUNNING : DSE_STATUS_T_STATE_JOINING;
-    int other = message.state == DSE_STATUS_T_STATE_RUNNING ? DSE_STATUS_T_STATE_RUNNING
-                                                            : DSE_STATUS_T_STATE_JOINING;
-    bool leave = other > own || (other == own && message.instance < node->instance_id);
-    if (leave)
-        node_fail(node, "already served by process %d: one agent per node", message.pid);
-    else if (host_now() > node->last_status + 0.01)
-        publish_status(node,
-                       node->started ? DSE_STATUS_T_STATE_RUNNING : DSE_STATUS_T_STATE_JOINING);
-}
-
-static void on_input(void *user, const char *channel, const uint8_t *bytes, int length)
-{
-    (void)channel;
-    struct node *node = user;
-    dse_input_t message;
-    if (!message_input(bytes, length, &node->counters, &message))
-        return;
-    if (node->source_run == 0 && node->config.pace == DSE_CLOCK_T_PACE_REPLAY)
-        adopt_run(node, message.header.run_id);
-    if (!from_source(node, &message.header))
-        return;
-    start(node); /* the message that said so may have been lost */
-    bool repeated = message.header.sample == node->k - 1 && node->phase == NODE_WAIT_SAMPLE;
-    if (repeated && message.part == 0)
-        repeat_done(node); /* the clock still waits for this sample: our `done` was lost */
-    node_take_input(node, &message);
-    node_advance(node);
-}
-
-static void on_measurement(void *user, const char *channel, const uint8_t *bytes, int length)
-{
-    (void)channel;
-    struct node *node = user;
-    dse_measurement_t message;
-    if (!message_measurement(bytes, length, &node->counters, &message))
-        return;
-    if (node->source_run == 0 && node->config.pace == DSE_CLOCK_T_PACE_REPLAY)
-        adopt_run(node, message.header.run_id);
-    if (!from_source(node, &message.header))
-        return;
-    node_take_measurement(node, &message);
-    node_advance(node);
-}
-
-static void on_exchange(void *user, const char *channel, const uint8_t *bytes, int length)
-{
-    (void)channel;
-    struct node *node = user;
-    dse_exchange_t message;
-    if (!message_exchange(bytes, length, &node->counters, &message))
-        return;
-    if (message.header.run_id != node->sender.id.run_id) {
-        node->counters.foreign_run++;
-        return;
-    }
-    if (message.header.network != node->sender.id.network) {
-        node->counters.refused_count++;
-        return;
-    }
-    node_take_exchange(node, &message);
-    node_advance(node);
-}
-
 /* ---- time ---- */
 
 static double poll_joining(struct node *node, double now)
 {
     if (now >= node->last_status + STATUS_PERIOD_JOINING)
-        publish_status(node, DSE_STATUS_T_STATE_JOINING);
+        node_publish_status(node, DSE_STATUS_T_STATE_JOINING);
     return node->last_status + STATUS_PERIOD_JOINING;
 }
 
@@ -355,7 +212,7 @@ static void repeat_request(struct node *node)
         node_ask(node);
     else if (node->k > 0 && node->config.pace == DSE_CLOCK_T_PACE_LOCKSTEP) {
         /* Our last `done`, said again, asks the clock for the sample that we miss. */
-        repeat_done(node);
+        node_repeat_done(node);
         node->asked++;
     }
 }
@@ -368,7 +225,7 @@ static bool may_finish(const struct node *node, double now)
     return (all && now >= node->linger_until) || now >= node->linger_until + give_up_s(node);
 }
 
-static double poll_node(void *self, double now)
+double node_poll(void *self, double now)
 {
     struct node *node = self;
     if (node->state == AGENT_JOINING)
@@ -379,11 +236,11 @@ static double poll_node(void *self, double now)
     if (may_finish(node, now)) {
         if (node->k < node->stop_at)
             node_report_gap(node, node->k, node->stop_at - node->k);
-        finish(node);
+        node_finish(node);
         return now;
     }
     if (now >= node->last_status + STATUS_PERIOD_RUNNING)
-        publish_status(node, DSE_STATUS_T_STATE_RUNNING);
+        node_publish_status(node, DSE_STATUS_T_STATE_RUNNING);
     double since =
         fmax(node->last_progress, node->phase == NODE_IN_ROUND ? node->round_started : 0);
     bool patient = node->config.pace == DSE_CLOCK_T_PACE_REPLAY && node->phase == NODE_WAIT_SAMPLE;
@@ -399,175 +256,21 @@ static double poll_node(void *self, double now)
     return node->stopping ? fmin(next, fmax(node->linger_until, now + 0.01)) : next;
 }
 
-static enum agent_state state_of(const void *self)
+enum agent_state node_state(const void *self)
 {
     return ((const struct node *)self)->state;
 }
 
-static const char *reason_of(const void *self)
+const char *node_reason(const void *self)
 {
     return ((const struct node *)self)->reason;
 }
 
-static void stop(void *self, const char *reason)
+void node_stop(void *self, const char *reason)
 {
     struct node *node = self;
     if (node->state == AGENT_FINISHED || node->state == AGENT_FAILED)
         return;
     snprintf(node->reason, sizeof node->reason, "%s", reason);
-    finish(node);
-}
-
-/* ---- making it ---- */
-
-static void destroy(void *self)
-{
-    struct node *node = self;
-    if (node == NULL)
-        return;
-    if (node->instance != NULL)
-        node->method->destroy(node->instance);
-    node_samples_destroy(node);
-    node_rounds_destroy(node);
-    free(node->values);
-    free(node->prepared);
-    free(node);
-}
-
-static bool set_up(struct method_setup *setup, const struct scenario *scenario, int network,
-                   const struct method **method)
-{
-    const struct scenario_network *section = &scenario->networks[network];
-    int index = scenario_method(section);
-    *method = method_at(index);
-    setup->scenario = scenario;
-    setup->network = section;
-    setup->section = section->section[index];
-    setup->process = scenario->process;
-    setup->period = scenario_period(scenario);
-    return *method != NULL;
-}
-
-int node_count(const struct scenario *scenario, int network, bool *coordinator, struct error *error)
-{
-    struct method_setup setup = {0};
-    const struct method *method;
-    if (!set_up(&setup, scenario, network, &method)) {
-        error_set(error, "network %s has no method", scenario->networks[network].name);
-        return -1;
-    }
-    if (coordinator != NULL)
-        *coordinator = method->has_coordinator != NULL && method->has_coordinator(&setup);
-    return method->nodes(&setup);
-}
-
-static bool subscribe(struct node *node, struct error *error)
-{
-    char channel[CHANNEL_LENGTH];
-    bool ok = bus_subscribe(node->bus, CHANNEL_CLOCK, on_clock, node, error) &&
-              bus_subscribe(node->bus, CHANNEL_STATUS, on_status, node, error) &&
-              bus_subscribe(node->bus, CHANNEL_INPUT, on_input, node, error);
-    for (int g = 0; ok && g < node->info.n_groups; g++) {
-        snprintf(channel, sizeof channel, CHANNEL_MEASUREMENT, node->info.groups[g]);
-        ok = bus_subscribe(node->bus, channel, on_measurement, node, error);
-    }
-    /* Those that it hears, and those that hear it: they may ask for what they missed. */
-    bool *linked = calloc(METHOD_MAX_NODES, sizeof *linked);
-    ok = ok && linked != NULL;
-    for (int j = 0; ok && j < node->info.n_neighbours; j++)
-        linked[node->info.neighbours[j]] = true;
-    for (int j = 0; ok && j < node->info.n_listeners; j++)
-        linked[node->info.listeners[j]] = true;
-    for (int j = 0; ok && j < METHOD_MAX_NODES; j++) {
-        if (!linked[j])
-            continue;
-        snprintf(channel, sizeof channel, CHANNEL_EXCHANGE, node->config.network, j);
-        ok = bus_subscribe(node->bus, channel, on_exchange, node, error);
-    }
-    free(linked);
-    return ok;
-}
-
-static bool make_instance(struct node *node, struct error *error)
-{
-    const struct dse_plant *process = node->setup.process;
-    node->values = calloc((size_t)process->n_parameters + 1, sizeof *node->values);
-    node->prepared = calloc((size_t)process->prepared_size + 1, sizeof *node->prepared);
-    if (node->values == NULL || node->prepared == NULL)
-        return error_set(error, "out of memory");
-    if (!scenario_prepare_plant(node->config.scenario, node->network, node->values, node->prepared,
-                                error))
-        return false;
-    node->setup.prepared = node->prepared;
-    node->setup.node = node->config.node;
-    node->instance = node->method->create(&node->setup, &node->info, error);
-    if (node->instance == NULL)
-        return error_set(error, "cannot make node %d of network %s", node->config.node,
-                         node->network->name);
-    return true;
-}
-
-static bool set_identity(struct node *node, struct error *error)
-{
-    bool coordinator;
-    int nodes = node_count(node->config.scenario, node->config.network, &coordinator, error);
-    if (nodes < 0)
-        return false;
-    if (node->config.node < 0 || node->config.node >= nodes)
-        return error_set(error, "network %s has the nodes 0 to %d: there is no node %d",
-                         node->network->name, nodes - 1, node->config.node);
-    bool is_coordinator = coordinator && node->config.node == nodes - 1;
-    node->sender.bus = node->bus;
-    node->sender.id.run_id = node->config.run_id;
-    node->sender.id.network = (int8_t)node->config.network;
-    node->sender.id.node = (int16_t)node->config.node;
-    node->sender.id.role =
-        is_coordinator ? DSE_HEADER_T_ROLE_COORDINATOR : DSE_HEADER_T_ROLE_ESTIMATOR;
-    if (node->config.pace != DSE_CLOCK_T_PACE_REPLAY)
-        node->source_run = node->config.run_id;
-    node->estimate_hash = FINGERPRINT_START;
-    if (getrandom(&node->instance_id, sizeof node->instance_id, 0) < 0)
-        node->instance_id = (int64_t)getpid();
-    return true;
-}
-
-bool node_create(const struct node_config *config, struct bus *bus, struct agent *agent,
-                 struct error *error)
-{
-    struct node *node = calloc(1, sizeof *node);
-    if (node == NULL)
-        return error_set(error, "out of memory");
-    node->config = *config;
-    node->bus = bus;
-    node->network = &config->scenario->networks[config->network];
-    bool ok = set_up(&node->setup, config->scenario, config->network, &node->method) &&
-              set_identity(node, error) && make_instance(node, error) &&
-              node_samples_create(node, error) && node_rounds_create(node, error) &&
-              subscribe(node, error);
-    if (!ok) {
-        destroy(node);
-        return error_set(error, "cannot make node %d of network %d", config->node, config->network);
-    }
-    snprintf(node->name, sizeof node->name, "node %d (%.40s) of network %.20s", config->node,
-             node->info.name, node->network->name);
-    snprintf(agent->name, sizeof agent->name, "%s", node->name);
-    agent->self = node;
-    agent->poll = poll_node;
-    agent->state = state_of;
-    agent->reason = reason_of;
-    agent->stop = stop;
-    agent->destroy = destroy;
-    return true;
-}
-
-const struct method_info *node_info(const struct agent *agent)
-{
-    return &((const struct node *)agent->self)->info;
-}
-
-uint64_t node_estimate_hash(const struct agent *agent, int64_t *samples)
-{
-    const struct node *node = agent->self;
-    *samples = node->k;
-    return node->estimate_hash;
+    node_finish(node);
 }

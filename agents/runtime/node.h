@@ -19,11 +19,6 @@ struct node_config {
                                         in replay: one derived from the recorded run */
 };
 
-/* Number of nodes of a network, the coordinator included; *coordinator (may be NULL): whether the
- * last one is a coordinator. -1 and an error text when the network's section does not fit. */
-int node_count(const struct scenario *scenario, int network, bool *coordinator,
-               struct error *error);
-
 /* Fills `agent`. False and an error text when the node cannot be made. */
 bool node_create(const struct node_config *config, struct bus *bus, struct agent *agent,
                  struct error *error);

@@ -1,5 +1,6 @@
-/* The parts of a node: node.c (life), node_samples.c (inputs and measurements), node_rounds.c
- * (exchange with the neighbours). */
+/* The parts of a node: node_create.c (making it), node.c (its life, sample by sample),
+ * node_messages.c (what arrives), node_samples.c (inputs and measurements of a sample),
+ * node_rounds.c (exchange with the neighbours). */
 #ifndef DSE_RUNTIME_NODE_INTERNAL_H
 #define DSE_RUNTIME_NODE_INTERNAL_H
 
@@ -102,8 +103,23 @@ struct node {
 };
 
 /* node.c */
+double node_poll(void *self, double now);
+enum agent_state node_state(const void *self);
+const char *node_reason(const void *self);
+void node_stop(void *self, const char *reason);
+void node_start(struct node *node);
+void node_finish(struct node *node);
+void node_publish_status(struct node *node, int state);
+void node_repeat_done(struct node *node);
 void node_fail(struct node *node, const char *format, ...) __attribute__((format(printf, 2, 3)));
 void node_advance(struct node *node);
+
+/* node_messages.c: bus handlers, user is the node */
+void node_on_clock(void *user, const char *channel, const uint8_t *bytes, int length);
+void node_on_status(void *user, const char *channel, const uint8_t *bytes, int length);
+void node_on_input(void *user, const char *channel, const uint8_t *bytes, int length);
+void node_on_measurement(void *user, const char *channel, const uint8_t *bytes, int length);
+void node_on_exchange(void *user, const char *channel, const uint8_t *bytes, int length);
 
 /* node_samples.c */
 bool node_samples_create(struct node *node, struct error *error);

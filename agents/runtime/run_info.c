@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "runtime/networks.h"
 #include "runtime/node.h"
 
 static const char *pace_name(int pace)
@@ -96,7 +97,7 @@ static json_t *networks(const struct scenario *scenario)
         json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:i}", "name", network->name,
                                               "title", network_title(network, method), "method",
                                               method != NULL ? method->name : "", "nodes",
-                                              node_count(scenario, (int)i, NULL, &error)));
+                                              network_nodes(scenario, (int)i, NULL, &error)));
     }
     return list;
 }

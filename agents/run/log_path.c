@@ -1,0 +1,33 @@
+/* Where a run is recorded. */
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <time.h>
+
+#include "run/run.h"
+
+bool run_log_path(const struct run_options *options, const struct scenario *scenario, char *path,
+                  int size, struct error *error)
+{
+    if (options->log != NULL) {
+        snprintf(path, (size_t)size, "%s", options->log);
+    } else {
+        char when[32];
+        time_t now = time(NULL);
+        struct tm local;
+        localtime_r(&now, &local);
+        strftime(when, sizeof when, "%Y%m%d-%H%M%S", &local);
+        if (mkdir("runs", 0777) != 0 && errno != EEXIST)
+            return error_set(error, "cannot make the folder runs: %s; give a place with --log",
+                             strerror(errno));
+        snprintf(path, (size_t)size, "runs/%s-%s.lcm", scenario->name, when);
+    }
+    if (path[0] == '\0')
+        return true;
+    FILE *file = fopen(path, "wb");
+    if (file == NULL)
+        return error_set(error, "cannot write the log %s: %s", path, strerror(errno));
+    fclose(file);
+    return true;
+}

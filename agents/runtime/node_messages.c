@@ -1,0 +1,144 @@
+/* What a node makes of the messages on the bus: run control, samples, the neighbours' words. */
+#include "runtime/agent.h"
+#include "runtime/fingerprint.h"
+#include "runtime/node_internal.h"
+
+#define REPLAY_LINGER 0.5 /* s for neighbours that still ask after the last sample */
+
+/* A node of a recorded run is re-estimated under a run id of its own, the same in all processes. */
+static int64_t replay_run_id(int64_t recorded)
+{
+    uint64_t made = fingerprint_add(FINGERPRINT_START, &recorded, sizeof recorded);
+    return (int64_t)(made >> 1);
+}
+
+static void adopt_run(struct node *node, int64_t run_id)
+{
+    node->source_run = run_id;
+    if (node->sender.id.run_id == 0)
+        node->sender.id.run_id =
+            node->config.pace == DSE_CLOCK_T_PACE_REPLAY ? replay_run_id(run_id) : run_id;
+}
+
+static bool from_source(struct node *node, const dse_header_t *header)
+{
+    if (header->run_id == node->source_run)
+        return true;
+    node->counters.foreign_run++;
+    return false;
+}
+
+void node_on_clock(void *user, const char *channel, const uint8_t *bytes, int length)
+{
+    (void)channel;
+    struct node *node = user;
+    dse_clock_t message;
+    if (!message_clock(bytes, length, &node->counters, &message))
+        return;
+    bool same = message.scenario_hash == (int64_t)node->config.scenario->hash;
+    bool replay = node->config.pace == DSE_CLOCK_T_PACE_REPLAY;
+    if (node->source_run == 0 && (same || (replay && message.event == DSE_CLOCK_T_EVENT_START)))
+        adopt_run(node, message.header.run_id);
+    if (!from_source(node, &message.header))
+        return;
+    if (!same && !replay) {
+        node_fail(node, "the plant of this run reads another scenario than %s",
+                  node->config.scenario->file);
+        return;
+    }
+    if (message.event == DSE_CLOCK_T_EVENT_JOIN && !node->started)
+        node_publish_status(node, DSE_STATUS_T_STATE_READY);
+    if (message.event == DSE_CLOCK_T_EVENT_START)
+        node_start(node);
+    if (message.event == DSE_CLOCK_T_EVENT_STOP && node->started && !node->stopping) {
+        node->stopping = true;
+        node->stop_at = message.header.sample;
+        node->linger_until = host_now() + (replay ? REPLAY_LINGER : 0);
+    } else if (message.event == DSE_CLOCK_T_EVENT_STOP && !node->started && !replay) {
+        node_finish(node);
+    }
+}
+
+/* Two processes for one node: the one that came later leaves; of two that join, the one with the
+ * larger random number. */
+void node_on_status(void *user, const char *channel, const uint8_t *bytes, int length)
+{
+    (void)channel;
+    struct node *node = user;
+    dse_status_t message;
+    if (!message_status(bytes, length, &node->counters, &message))
+        return;
+    const dse_header_t *header = &message.header;
+    bool same_place = header->network == node->sender.id.network &&
+                      header->node == node->sender.id.node &&
+                      (header->role == DSE_HEADER_T_ROLE_ESTIMATOR ||
+                       header->role == DSE_HEADER_T_ROLE_COORDINATOR);
+    bool same_run = header->run_id == node->sender.id.run_id || header->run_id == 0 ||
+                    node->sender.id.run_id == 0;
+    if (!same_place || message.instance == node->instance_id ||
+        message.scenario_hash != (int64_t)node->config.scenario->hash || !same_run ||
+        message.state > DSE_STATUS_T_STATE_RUNNING)
+        return;
+    int own = node->started ? DSE_STATUS_T_STATE_RUNNING : DSE_STATUS_T_STATE_JOINING;
+    int other = message.state == DSE_STATUS_T_STATE_RUNNING ? DSE_STATUS_T_STATE_RUNNING
+                                                            : DSE_STATUS_T_STATE_JOINING;
+    bool leave = other > own || (other == own && message.instance < node->instance_id);
+    if (leave)
+        node_fail(node, "already served by process %d: one agent per node", message.pid);
+    else if (host_now() > node->last_status + 0.01)
+        node_publish_status(node, node->started ? DSE_STATUS_T_STATE_RUNNING
+                                                : DSE_STATUS_T_STATE_JOINING);
+}
+
+void node_on_input(void *user, const char *channel, const uint8_t *bytes, int length)
+{
+    (void)channel;
+    struct node *node = user;
+    dse_input_t message;
+    if (!message_input(bytes, length, &node->counters, &message))
+        return;
+    if (node->source_run == 0 && node->config.pace == DSE_CLOCK_T_PACE_REPLAY)
+        adopt_run(node, message.header.run_id);
+    if (!from_source(node, &message.header))
+        return;
+    node_start(node); /* the message that said so may have been lost */
+    bool repeated = message.header.sample == node->k - 1 && node->phase == NODE_WAIT_SAMPLE;
+    if (repeated && message.part == 0)
+        node_repeat_done(node); /* the clock still waits for this sample: our `done` was lost */
+    node_take_input(node, &message);
+    node_advance(node);
+}
+
+void node_on_measurement(void *user, const char *channel, const uint8_t *bytes, int length)
+{
+    (void)channel;
+    struct node *node = user;
+    dse_measurement_t message;
+    if (!message_measurement(bytes, length, &node->counters, &message))
+        return;
+    if (node->source_run == 0 && node->config.pace == DSE_CLOCK_T_PACE_REPLAY)
+        adopt_run(node, message.header.run_id);
+    if (!from_source(node, &message.header))
+        return;
+    node_take_measurement(node, &message);
+    node_advance(node);
+}
+
+void node_on_exchange(void *user, const char *channel, const uint8_t *bytes, int length)
+{
+    (void)channel;
+    struct node *node = user;
+    dse_exchange_t message;
+    if (!message_exchange(bytes, length, &node->counters, &message))
+        return;
+    if (message.header.run_id != node->sender.id.run_id) {
+        node->counters.foreign_run++;
+        return;
+    }
+    if (message.header.network != node->sender.id.network) {
+        node->counters.refused_count++;
+        return;
+    }
+    node_take_exchange(node, &message);
+    node_advance(node);
+}
