@@ -1,0 +1,10 @@
+"""What is worked out on a desk before a run: sub-commands of `dse design`.
+
+To add one: a module with NAME, HELP, configure(parser) and run(arguments), as those in
+dse/commands, and its name in COMMANDS. Modules import heavy libraries (casadi, scipy, matplotlib)
+in the functions that need them, so that `dse --help` stays quick.
+"""
+
+from types import ModuleType
+
+COMMANDS: tuple[ModuleType, ...] = ()
