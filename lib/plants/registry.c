@@ -4,9 +4,11 @@
 #include "dse/plant.h"
 
 extern const struct dse_plant dse_plant_cstr2;
+extern const struct dse_plant dse_plant_cstr4;
 
 static const struct dse_plant *const shipped[] = {
     &dse_plant_cstr2,
+    &dse_plant_cstr4,
 };
 
 const struct dse_plant *dse_plant_at(int i)

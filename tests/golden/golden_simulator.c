@@ -101,6 +101,8 @@ static const char *plant_name(const json_t *root)
         return model;
     const json_t *heat = json_array_get(json_object_get(root, "Qh"), 0);
     const bool constant_feed = json_object_get(root, "steady_state") != NULL;
+    if (golden_number(root, "n_reactors", 0) == 4)
+        return "4cstr";
     if (golden_number(root, "n_reactors", 0) != 2 || !constant_feed)
         return NULL;
     return json_number_value(heat) > 1.6e4 ? "2cstr_ch2" : "2cstr_ch4";
