@@ -13,9 +13,10 @@ bool program_beside(const char *name, char *path, int size, struct error *error)
         return error_set(error, "cannot find the folder of dse-run");
     path[length] = '\0';
     char *slash = strrchr(path, '/');
-    if (slash == NULL || slash + 1 + strlen(name) >= path + size)
+    size_t room = slash != NULL ? (size_t)(path + size - slash) - 1 : 0;
+    if (room <= strlen(name))
         return error_set(error, "cannot find the folder of dse-run");
-    strcpy(slash + 1, name);
+    snprintf(slash + 1, room, "%s", name);
     if (access(path, X_OK) != 0)
         return error_set(error, "%s is not there: build it first (tools/demo builds everything)",
                          path);

@@ -200,7 +200,7 @@ static void next_sample(struct clock *clock)
     char reason[256] = "";
     if (!clock->config.source.next(clock->config.source.self, clock->k + 1, &clock->data, reason,
                                    (int)sizeof reason)) {
-        fail(clock, "sample %lld: %s", (long long)(clock->k + 1), reason);
+        fail(clock, "no sample after %lld: %s", (long long)clock->k, reason);
         return;
     }
     clock->k++;

@@ -14,7 +14,7 @@ static void destroy(void *self)
     struct node *node = self;
     if (node == NULL)
         return;
-    if (node->instance != NULL)
+    if (node->instance != NULL && node->method != NULL)
         node->method->destroy(node->instance);
     node_samples_destroy(node);
     node_rounds_destroy(node);
