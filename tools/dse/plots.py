@@ -109,7 +109,7 @@ def overview(
 
 
 def diagnostic(run: Run, name: str, networks: Sequence[Network], style: Colours) -> Figure:
-    """A methods' own quantity: a panel for each node, or one for all where there are many."""
+    """A method's own quantity: a panel for each node, or one for all where there are many."""
     having = [
         (network, node, column)
         for network in networks

@@ -41,6 +41,8 @@ class Plan:
     """(network, node, sample) whose estimate was sent but is not in the log."""
     repeat: set[tuple[int, int, int]] = field(default_factory=set)
     """(network, node, sample) whose estimate is in the log twice."""
+    coasting: range = range(60, 80)
+    """Samples at which the second network has no data of its own."""
     states: int = 4
     """More than 4: further states x4, x5, .. that node 0 of each network estimates."""
 
@@ -228,7 +230,7 @@ def put_estimate(
     for part, number, count, values in parts(x):
         message = lcmtypes.estimate_t()
         message.header = writer.header("estimate", role, network, node, k)
-        message.health = 0 if k == 0 else 2 if network == 1 and 60 <= k < 80 else 1
+        message.health = 0 if k == 0 else 2 if network == 1 and k in plan.coasting else 1
         message.part, message.parts, message.count = part, number, count
         message.diagnostics = len(diagnostic)
         message.state = values

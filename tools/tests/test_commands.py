@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+import synthetic
 from conftest import Command
 from PIL import Image
 from scipy.io import loadmat
@@ -68,11 +69,22 @@ def test_json_metrics_are_those_of_the_known_errors(plain: Path, dse: Command) -
     scaled = error / [10, 1, 10, 1]
     norm = np.sqrt(np.mean(scaled**2))
     assert metrics["networks"]["ahg"]["error_norm"]["rms"] == pytest.approx(norm, rel=1e-12)
-    both = np.abs([error, estimate(plan, 1) - truth(plan)])
-    relative = np.sqrt(np.sum((error / both.max(axis=(0, 1))) ** 2, axis=1))
-    got = metrics["networks"]["ahg"]["relative_norm"]
-    assert got["mean"] == pytest.approx(relative.mean(), rel=1e-12)
-    assert got["max"] == pytest.approx(relative.max(), rel=1e-12)
+
+
+@pytest.mark.parametrize("worse", [0, 1])
+def test_the_relative_norm_uses_the_largest_error_of_any_network(
+    tmp_path: Path, dse: Command, monkeypatch: pytest.MonkeyPatch, worse: int
+) -> None:
+    rates = [6.0 if i == worse else 60.0 for i in range(2)]
+    names = [(name, method, rates[i]) for i, (name, method, _) in enumerate(synthetic.NETWORKS)]
+    monkeypatch.setattr(synthetic, "NETWORKS", names)
+    metrics = dse("report", write(tmp_path / "worse.lcm", Plan()), "--json").json
+    errors = np.array([estimate(Plan(), i) - truth(Plan()) for i in range(2)])
+    largest = np.abs(errors).max(axis=(0, 1))
+    for error, network in zip(errors, metrics["networks"].values(), strict=True):
+        relative = np.sqrt(np.sum((error / largest) ** 2, axis=1))
+        assert network["relative_norm"]["mean"] == pytest.approx(relative.mean(), rel=1e-12)
+        assert network["relative_norm"]["max"] == pytest.approx(relative.max(), rel=1e-12)
 
 
 def test_json_counts_messages_steps_health_and_status(plain: Path, dse: Command) -> None:
@@ -154,8 +166,6 @@ def test_the_report_is_one_folder_with_all_its_pictures(
 def test_names_in_a_log_cannot_inject_html(
     tmp_path: Path, dse: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import synthetic
-
     monkeypatch.setattr(
         synthetic, "STATES", (("<b>/../x", "K", "<script>", 1.0), *synthetic.STATES[1:])
     )
@@ -205,6 +215,7 @@ def test_csv_and_parquet_give_back_the_numbers(plain: Path, tmp_path: Path, dse:
         np.testing.assert_array_equal(
             table[["T2", "C2"]], estimate(plan, 0)[:, node_states(plan, 1)]
         )
+        assert (table[["variance_T2", "variance_C2"]] == plan.noise**2).all(axis=None)
         assert read(tmp_path / ending / f"measurement_reactor_2.{ending}")["T2"].isna().sum() == 20
         assert len(read(tmp_path / ending / f"done_ekf_0.{ending}")) == 200
         about = json.loads((tmp_path / ending / "run.json").read_text())
@@ -264,18 +275,13 @@ def test_missing_samples_and_nodes_make_logs_different(
     assert dse("compare", plain, none).code == 1
 
 
-def test_an_estimate_that_only_one_run_lost_is_a_difference_in_health_too(
-    plain: Path, tmp_path: Path, dse: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    import synthetic
-
-    original = synthetic.put_estimate
-
-    def worse(writer: Any, network: int, node: int, k: int, *rest: Any) -> None:  # noqa: ANN401
-        original(writer, network, node, 60 if (network, k) == (1, 5) else k, *rest)
-
-    monkeypatch.setattr(synthetic, "put_estimate", worse)
-    assert dse("compare", plain, write(tmp_path / "worse.lcm", Plan())).code == 1
+def test_another_health_alone_is_a_difference(plain: Path, tmp_path: Path, dse: Command) -> None:
+    worse = write(tmp_path / "worse.lcm", Plan(coasting=range(60, 81)))
+    outcome = dse("compare", plain, worse)
+    assert outcome.code == 1
+    assert "ekf/reactor 1: first difference at sample 80" in outcome.out
+    assert "in health: 1.0 and 2.0; 1 samples differ" in outcome.out
+    assert outcome.out.count("DIFFERENT") == 2
 
 
 def mistakes(folder: Path) -> dict[str, tuple[list[Any], str]]:

@@ -65,6 +65,7 @@ def test_an_error_that_stays_outside_never_settles() -> None:
 def test_the_settling_band_has_a_floor_of_the_scale() -> None:
     assert settling_band(np.array([10.0, 0.0]), 1.0) == 0.5
     assert settling_band(np.array([-0.1, 0.0]), 1.0) == 0.02
+    assert settling_band(np.array([-10.0, 0.0]), math.nan) == 0.5
     assert settling_band(np.array([0.0]), math.nan) == 0.0
 
 
