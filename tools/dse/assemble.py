@@ -185,7 +185,8 @@ class Assembly:
                 name = f"{name} ({index})"
             nodes = [self._node(index, node, name, n_states) for node in own]
             method = str(about.get("method") or (nodes[0].method if nodes else ""))
-            networks.append(Network(index, name, method, nodes))
+            title = str(about.get("title") or (nodes[0].method_title if nodes else ""))
+            networks.append(Network(index, name, title, method, nodes))
         return networks
 
     def _node(self, network: int, node: int, network_name: str, n_states: int) -> Node:

@@ -307,16 +307,11 @@ def _error(run: Run, node: Node, column: int) -> tuple[Floats, Floats, Floats]:
 def _legend(figure: Figure, networks: Sequence[Network], style: Colours, truth: bool) -> None:
     """Above the panels: truth and networks."""
     handles = [Line2D([], [], color=TRUTH, linestyle=(0, (4, 1.6)), label="truth")] if truth else []
-    titles = [_method(network) for network in networks]
+    titles = [network.title for network in networks]
     for network, title in zip(networks, titles, strict=True):
         # Variants of one method differ in their names only.
-        label = f"{network.name}: {title}" if title and titles.count(title) == 1 else network.name
+        told = title and title != network.name and titles.count(title) == 1
+        label = f"{network.name}: {title}" if told else network.name
         handles.append(Line2D([], [], color=style[network.name], label=label))
     if handles:
         figure.legend(handles=handles, loc="outside upper left", ncols=min(len(handles), 4))
-
-
-def _method(network: Network) -> str:
-    """Title of the method of all its nodes, if that says more than the network's name."""
-    titles = {node.method_title for node in network.nodes} - {network.name}
-    return titles.pop() if len(titles) == 1 else ""

@@ -119,6 +119,8 @@ class Network:
 
     index: int
     name: str
+    title: str
+    """For legends: the scenario's words for it, or the title of its method; may be empty."""
     method: str
     nodes: list[Node]
 

@@ -26,7 +26,7 @@ _FORM: dict[str, Any] = {
             "outputs": [_SIGNAL],
             "groups": [{"name": str, "outputs": [int]}],
         },
-        "networks": [{"name": str, "method": str, "nodes": int}],
+        "networks": [{"name": str, "title": str, "method": str, "nodes": int}],
         "type_hashes": {},
     },
     "node": {
