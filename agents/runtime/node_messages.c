@@ -60,13 +60,15 @@ void node_on_clock(void *user, const char *channel, const uint8_t *bytes, int le
 }
 
 /* Two processes for one node: the one that came later leaves; of two that join, the one with the
- * larger random number. */
+ * larger random number. Not in a replay: there the status of a node may be a recorded one, and two
+ * processes for one node would say the same anyway. */
 void node_on_status(void *user, const char *channel, const uint8_t *bytes, int length)
 {
     (void)channel;
     struct node *node = user;
     dse_status_t message;
-    if (!message_status(bytes, length, &node->counters, &message))
+    if (!message_status(bytes, length, &node->counters, &message) ||
+        node->config.pace == DSE_CLOCK_T_PACE_REPLAY)
         return;
     const dse_header_t *header = &message.header;
     bool same_place = header->network == node->sender.id.network &&
