@@ -210,11 +210,23 @@ static void repeat_request(struct node *node)
 {
     if (node->phase == NODE_IN_ROUND)
         node_ask(node);
-    else if (node->k > 0 && node->config.pace == DSE_CLOCK_T_PACE_LOCKSTEP) {
+    else if (node->k > 0 && node->config.pace == DSE_CLOCK_T_PACE_LOCKSTEP && !node->stopping) {
         /* Our last `done`, said again, asks the clock for the sample that we miss. */
         node_repeat_done(node);
         node->asked++;
     }
+}
+
+/* The time from which on nothing has moved the node. */
+static double idle_since(const struct node *node)
+{
+    double since = fmax(node->stop_heard, node->last_progress);
+    return node->phase == NODE_IN_ROUND ? fmax(since, node->round_started) : since;
+}
+
+static double linger_s(const struct node *node)
+{
+    return node->config.pace == DSE_CLOCK_T_PACE_LOCKSTEP ? 0 : NODE_LINGER;
 }
 
 static bool may_finish(const struct node *node, double now)
@@ -222,7 +234,7 @@ static bool may_finish(const struct node *node, double now)
     if (!node->stopping)
         return false;
     bool all = node->k >= node->stop_at && node->phase == NODE_WAIT_SAMPLE;
-    return (all && now >= node->linger_until) || now >= node->linger_until + give_up_s(node);
+    return now >= idle_since(node) + (all ? linger_s(node) : give_up_s(node));
 }
 
 double node_poll(void *self, double now)
@@ -241,19 +253,20 @@ double node_poll(void *self, double now)
     }
     if (now >= node->last_status + STATUS_PERIOD_RUNNING)
         node_publish_status(node, DSE_STATUS_T_STATE_RUNNING);
-    double since =
-        fmax(node->last_progress, node->phase == NODE_IN_ROUND ? node->round_started : 0);
+    double since = idle_since(node);
     bool patient = node->config.pace == DSE_CLOCK_T_PACE_REPLAY && node->phase == NODE_WAIT_SAMPLE;
     if (now > since + give_up_s(node) && !patient)
         give_up(node);
-    else if (now >= node->last_repeat + repeat_s(node) && !node->stopping) {
+    else if (now >= node->last_repeat + repeat_s(node)) {
         repeat_request(node);
         node->last_repeat = now;
     }
     double next = node->last_repeat + repeat_s(node);
     if (node->phase == NODE_IN_ROUND)
         next = fmin(next, deadline(node) + 1e-4);
-    return node->stopping ? fmin(next, fmax(node->linger_until, now + 0.01)) : next;
+    if (node->stopping)
+        next = fmin(next, idle_since(node) + linger_s(node));
+    return fmax(next, now + 0.001);
 }
 
 enum agent_state node_state(const void *self)

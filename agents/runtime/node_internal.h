@@ -13,7 +13,10 @@
 #include "runtime/node.h"
 #include "runtime/sender.h"
 
-#define NODE_SAMPLES 256 /* samples that may wait: a log played faster than the estimators run */
+#define NODE_SAMPLES 256       /* samples that may wait .. */
+#define NODE_BACKLOG (1 << 16) /* .. in a replay: lcm-logplayer may be faster than the estimators  \
+                                */
+#define NODE_LINGER  0.5 /* s, without lockstep: for what is under way after the last sample */
 #define NODE_INBOX   8   /* messages of one neighbour that may wait */
 #define NODE_HISTORY 32  /* own messages kept for neighbours that ask */
 
@@ -68,8 +71,8 @@ struct node {
     int64_t source_run;  /* run whose samples are used: own run, or the recorded one in replay */
     bool started;
     bool stopping;
-    int64_t stop_at; /* samples of the run once it is stopping */
-    double linger_until;
+    int64_t stop_at;   /* samples of the run once it is stopping */
+    double stop_heard; /* when it was told so */
     double last_status;
     double last_progress; /* when something last arrived that moved the node on */
     double last_repeat;
@@ -79,7 +82,9 @@ struct node {
     enum node_phase phase;
     int64_t k; /* sample being waited for or worked on */
     double t;
-    struct node_sample samples[NODE_SAMPLES];
+    struct node_sample *samples; /* n_samples; sample k is at k % n_samples */
+    int n_samples;
+    int64_t newest; /* sample of the newest complete input, -1 */
     double *u_held, *y_stacked;
     bool *y_valid;
     int ny;

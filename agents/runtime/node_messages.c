@@ -3,8 +3,6 @@
 #include "runtime/fingerprint.h"
 #include "runtime/node_internal.h"
 
-#define REPLAY_LINGER 0.5 /* s for neighbours that still ask after the last sample */
-
 /* A node of a recorded run is re-estimated under a run id of its own, the same in all processes. */
 static int64_t replay_run_id(int64_t recorded)
 {
@@ -53,7 +51,7 @@ void node_on_clock(void *user, const char *channel, const uint8_t *bytes, int le
     if (message.event == DSE_CLOCK_T_EVENT_STOP && node->started && !node->stopping) {
         node->stopping = true;
         node->stop_at = message.header.sample;
-        node->linger_until = host_now() + (replay ? REPLAY_LINGER : 0);
+        node->stop_heard = host_now();
     } else if (message.event == DSE_CLOCK_T_EVENT_STOP && !node->started && !replay) {
         node_finish(node);
     }

@@ -12,6 +12,15 @@ static double *take(double **memory, int count)
     return taken;
 }
 
+static void sample_free(struct node_sample *sample)
+{
+    free(sample->u.value);
+    free(sample->y);
+    free(sample->valid);
+    *sample = (struct node_sample){.k = -1};
+}
+
+/* Memory for a place of the ring, taken when it is used for the first time. */
 static bool sample_create(const struct node *node, struct node_sample *sample)
 {
     int nu = node->setup.process->nu;
@@ -19,9 +28,10 @@ static bool sample_create(const struct node *node, struct node_sample *sample)
     sample->y = calloc((size_t)node->info.n_groups + 1, sizeof *sample->y);
     sample->valid = calloc((size_t)node->ny + 1, sizeof *sample->valid);
     sample->u.value = memory;
-    if (memory == NULL || sample->y == NULL || sample->valid == NULL)
+    if (memory == NULL || sample->y == NULL || sample->valid == NULL) {
+        sample_free(sample);
         return false;
-    sample->k = -1;
+    }
     sample->u.value = take(&memory, nu);
     sample->u.capacity = nu;
     for (int g = 0; g < node->info.n_groups; g++) {
@@ -29,6 +39,35 @@ static bool sample_create(const struct node *node, struct node_sample *sample)
         sample->y[g].capacity = node->group_ny[g];
     }
     return true;
+}
+
+/* A ring with n_samples places; the samples that wait keep theirs. */
+static bool make_ring(struct node *node, int n_samples)
+{
+    struct node_sample *ring = calloc((size_t)n_samples, sizeof *ring);
+    if (ring == NULL)
+        return false;
+    for (int i = 0; i < n_samples; i++)
+        ring[i].k = -1;
+    for (int i = 0; i < node->n_samples; i++)
+        if (node->samples[i].k >= node->k)
+            ring[node->samples[i].k % n_samples] = node->samples[i];
+        else
+            sample_free(&node->samples[i]);
+    free(node->samples);
+    node->samples = ring;
+    node->n_samples = n_samples;
+    return true;
+}
+
+/* Whether sample k >= node->k finds a place. */
+static bool has_place(struct node *node, int64_t k)
+{
+    int n_samples = node->n_samples;
+    bool may_grow = node->config.pace == DSE_CLOCK_T_PACE_REPLAY;
+    while (may_grow && n_samples < NODE_BACKLOG && k - node->k >= n_samples)
+        n_samples *= 2;
+    return k - node->k < n_samples && (n_samples == node->n_samples || make_ring(node, n_samples));
 }
 
 bool node_samples_create(struct node *node, struct error *error)
@@ -48,18 +87,15 @@ bool node_samples_create(struct node *node, struct error *error)
     node->y_stacked = calloc((size_t)node->ny + 1, sizeof *node->y_stacked);
     node->y_valid = calloc((size_t)node->ny + 1, sizeof *node->y_valid);
     bool ok = node->u_held != NULL && node->y_stacked != NULL && node->y_valid != NULL;
-    for (int i = 0; ok && i < NODE_SAMPLES; i++)
-        ok = sample_create(node, &node->samples[i]);
-    return ok || error_set(error, "out of memory");
+    node->newest = -1;
+    return (ok && make_ring(node, NODE_SAMPLES)) || error_set(error, "out of memory");
 }
 
 void node_samples_destroy(struct node *node)
 {
-    for (int i = 0; i < NODE_SAMPLES; i++) {
-        free(node->samples[i].u.value);
-        free(node->samples[i].y);
-        free(node->samples[i].valid);
-    }
+    for (int i = 0; i < node->n_samples; i++)
+        sample_free(&node->samples[i]);
+    free(node->samples);
     free(node->group_ny);
     free(node->group_offset);
     free(node->u_held);
@@ -75,8 +111,10 @@ static struct node_sample *sample_of(struct node *node, int64_t k, double t)
         node->counters.duplicates++;
         return NULL;
     }
-    struct node_sample *sample = &node->samples[k % NODE_SAMPLES];
-    if (k >= node->k + NODE_SAMPLES)
+    if (!has_place(node, k))
+        return NULL;
+    struct node_sample *sample = &node->samples[k % node->n_samples];
+    if (sample->y == NULL && !sample_create(node, sample))
         return NULL;
     if (sample->k != k) {
         sample->k = k;
@@ -89,13 +127,27 @@ static struct node_sample *sample_of(struct node *node, int64_t k, double t)
     return sample;
 }
 
+/* Whether a part is one of a vector of `count` values: a vector of another length is no use. */
+static bool is_part_of(int count, int part, int parts, int part_count)
+{
+    return parts == message_parts(count) && part_count == message_part_count(count, part);
+}
+
 void node_take_input(struct node *node, const dse_input_t *message)
 {
+    if (!is_part_of(node->setup.process->nu, message->part, message->parts, message->count)) {
+        node->counters.refused_count++;
+        return;
+    }
     struct node_sample *sample =
         sample_of(node, message->header.sample, message->header.plant_time);
-    if (sample != NULL && !message_vector_add(&sample->u, message->part, message->parts,
-                                              message->count, message->value))
+    if (sample == NULL)
+        return;
+    if (!message_vector_add(&sample->u, message->part, message->parts, message->count,
+                            message->value))
         node->counters.refused_count++;
+    else if (message_vector_complete(&sample->u) && sample->k > node->newest)
+        node->newest = sample->k;
 }
 
 static int group_index(const struct node *node, int group)
@@ -109,8 +161,10 @@ static int group_index(const struct node *node, int group)
 void node_take_measurement(struct node *node, const dse_measurement_t *message)
 {
     int g = group_index(node, message->header.node);
-    if (g < 0)
+    if (g < 0 || !is_part_of(node->group_ny[g], message->part, message->parts, message->count)) {
+        node->counters.refused_count++;
         return;
+    }
     struct node_sample *sample =
         sample_of(node, message->header.sample, message->header.plant_time);
     if (sample == NULL)
@@ -130,7 +184,7 @@ void node_take_measurement(struct node *node, const dse_measurement_t *message)
 /* Vectors of sample node->k that are not here: 0 when it is complete. */
 static int missing(const struct node *node)
 {
-    const struct node_sample *sample = &node->samples[node->k % NODE_SAMPLES];
+    const struct node_sample *sample = &node->samples[node->k % node->n_samples];
     if (sample->k != node->k)
         return 1 + node->info.n_groups;
     int count = message_vector_complete(&sample->u) ? 0 : 1;
@@ -152,17 +206,14 @@ void node_report_gap(struct node *node, int64_t k, int64_t count)
             node->name, (long long)count, (long long)k);
 }
 
-/* Without lockstep nobody sends a lost sample again: the next one tells that it is lost. */
+/* Without lockstep nobody sends a lost sample again: the next one, or the end, tells that it is
+ * lost. */
 static bool overtaken(const struct node *node)
 {
     if (node->config.pace == DSE_CLOCK_T_PACE_LOCKSTEP)
         return false;
-    for (int64_t k = node->k + 1; k < node->k + NODE_SAMPLES; k++) {
-        const struct node_sample *later = &node->samples[k % NODE_SAMPLES];
-        if (later->k == k && message_vector_complete(&later->u))
-            return true;
-    }
-    return false;
+    bool ended = node->stopping && host_now() > node->stop_heard + NODE_LINGER;
+    return node->newest > node->k || (ended && node->k < node->stop_at);
 }
 
 /* The measurements of group g of the current sample; invalid where they did not arrive. */
@@ -180,7 +231,7 @@ static void stack_group(struct node *node, const struct node_sample *sample, int
 
 bool node_sample_ready(struct node *node)
 {
-    const struct node_sample *sample = &node->samples[node->k % NODE_SAMPLES];
+    const struct node_sample *sample = &node->samples[node->k % node->n_samples];
     int gap = missing(node);
     if (gap > 0 && !overtaken(node))
         return false;
