@@ -1,11 +1,11 @@
 /* Four stirred tanks with two recycles: section 3.7, eq 3.65, Table 3.1 of the adaptive high-gain
  * source (and its chapter 5).
  *
- *     F_01 -> [1] --F_1--> [2] <- F_02    [2] --F_2 - F_r1--> [3] <- F_03    [3] --F_3--> [4] <-
- * F_04 [2] --F_r1--> [1],   [4] --F_r2--> [1]
+ *     F_01 -> [1] --F_1--> [2] --F_2 - F_r1--> [3] --F_3--> [4] -> out
  *
- * Flows between the reactors close the balances: F_1 = F_01 + F_r1 + F_r2, F_2 = F_1 + F_02,
- * F_3 = F_2 - F_r1 + F_03. The plant has no varying input. */
+ * with further feeds F_02, F_03, F_04 into [2], [3], [4] and the recycles F_r1 from [2] to [1] and
+ * F_r2 from [4] to [1]. Flows between the reactors close the balances: F_1 = F_01 + F_r1 + F_r2,
+ * F_2 = F_1 + F_02, F_3 = F_2 - F_r1 + F_03. The plant has no varying input. */
 #include "dse/plant.h"
 
 #include "cstr_network_internal.h"

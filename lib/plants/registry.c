@@ -5,10 +5,12 @@
 
 extern const struct dse_plant dse_plant_cstr2;
 extern const struct dse_plant dse_plant_cstr4;
+extern const struct dse_plant dse_plant_three_tank;
 
 static const struct dse_plant *const shipped[] = {
     &dse_plant_cstr2,
     &dse_plant_cstr4,
+    &dse_plant_three_tank,
 };
 
 const struct dse_plant *dse_plant_at(int i)

@@ -23,6 +23,10 @@ static int check_file(const char *path)
     } else if (json_object_get(root, "points") != NULL &&
                json_object_get(root, "n_reactors") != NULL) {
         result = golden_plant_file(root);
+    } else if (json_object_get(root, "surrogate_plant_ad2") != NULL) {
+        result = golden_three_tank_plant_file(root);
+    } else if (json_object_get(root, "r_true") != NULL) {
+        result = golden_three_tank_run_file(root);
     } else if (json_is_object(json_object_get(root, "config")) &&
                json_object_get(root, "record") != NULL) {
         result = golden_run_file(root);

@@ -288,18 +288,34 @@ static void field_is_the_derivative_of_the_coordinates(void **state)
     for_all_plants(check_field);
 }
 
-static void check_chain(struct bench *bench)
+/* dz_k - z_(k+1): what b_i puts into the rows of a chain before its last. */
+static void inputs_of_chain(struct bench *bench, const dse_real *x, dse_real *rest)
 {
     const struct dse_normal_form *form = &bench->form;
     dse_real z[MAX_N], dz[MAX_N];
+    assert_int_equal(form->encode(form, 0, x, bench->u, z), DSE_OK);
+    assert_int_equal(form->field(form, 0, z, bench->u, dz), DSE_OK);
+    for (int k = 0; k + 1 < form->n; k++) {
+        rest[k] = dz[k] - z[k + 1];
+    }
+}
+
+/* The same at another state: a known input may enter there, the state may not. */
+static void check_chain(struct bench *bench)
+{
+    const struct dse_normal_form *form = &bench->form;
+    dse_real x[MAX_N], here[MAX_N], there[MAX_N];
     if (bench->plant->normal_form == NULL) {
         return;
     }
-    assert_int_equal(form->encode(form, 0, bench->x, bench->u, z), DSE_OK);
-    assert_int_equal(form->field(form, 0, z, bench->u, dz), DSE_OK);
+    for (int k = 0; k < form->n; k++) {
+        x[k] = bench->x[k] + bench->plant->states[k].scale / (dse_real)(2 + k);
+    }
+    inputs_of_chain(bench, bench->x, here);
+    inputs_of_chain(bench, x, there);
     for (int i = 0, offset = 0; i < form->p; offset += form->n_i[i++]) {
-        for (int k = 0; k + 1 < form->n_i[i]; k++) {
-            assert_memory_equal(&dz[offset + k], &z[offset + k + 1], sizeof *z);
+        for (int k = offset; k + 1 < offset + form->n_i[i]; k++) {
+            assert_near(here[k], there[k], 1, TOLERANCE(1e-11, 1e-2));
         }
     }
 }
@@ -466,6 +482,194 @@ static void recycle_mismatch_moves_reactor_1_only(void **state)
     assert_memory_equal(&g[2], &f[2], 2 * sizeof *g);
 }
 
+/* ---- cstr4 ---- */
+
+static void cstr4_rests_in_its_steady_state(void **state)
+{
+    (void)state;
+    static const dse_real rest[8] = {
+        DSE_REAL(310.837553), DSE_REAL(3.031726), DSE_REAL(310.832851), DSE_REAL(2.800238),
+        DSE_REAL(312.466274), DSE_REAL(2.844137), DSE_REAL(311.157564), DSE_REAL(3.014166)};
+    struct bench bench;
+    dse_real dx[8];
+    set_up(&bench, dse_plant_find("cstr4"), 0);
+    assert_int_equal(bench.model.f(&bench.model, 0, rest, NULL, dx), DSE_OK);
+    for (int k = 0; k < 8; k++) {
+        assert_true(dse_abs(dx[k]) < TOLERANCE(1e-4, 2e-2));
+    }
+}
+
+/* F_3 = F_01 + F_02 + F_03 + F_r2 flows from 3 to 4, and with F_04 out of it, whatever the feeds
+ * and recycles are. */
+static void cstr4_balances_its_flows_for_any_feeds(void **state)
+{
+    (void)state;
+    const struct dse_plant *plant = dse_plant_find("cstr4");
+    static const char *const flows[] = {"F01", "F02", "F03", "F04", "Fr1", "Fr2"};
+    static const dse_real m3h[] = {DSE_REAL(7.5), 25, 28, 54, 110, 65};
+    dse_real values[DSE_PLANT_MAX_PARAMETERS], prepared[MAX_PREPARED], x[8], F[64];
+    struct dse_model m;
+    memcpy(values, plant->sets[0].values, (size_t)plant->n_parameters * sizeof *values);
+    for (int k = 0; k < plant->n_parameters; k++) {
+        for (int f = 0; f < 6; f++) {
+            if (strcmp(plant->parameters[k].name, flows[f]) == 0) {
+                values[k] = m3h[f];
+            }
+        }
+    }
+    for (int i = 0; i < 4; i++) {
+        x[2 * i] = 300;
+        x[2 * i + 1] = 0; /* nothing to react: the Jacobian of the temperatures is the mixing */
+    }
+    assert_int_equal(plant->prepare(values, prepared), DSE_OK);
+    plant->model(prepared, &m);
+    assert_int_equal(m.dfdx(&m, 0, x, NULL, F), DSE_OK);
+    const dse_real F_3 = m3h[0] + m3h[1] + m3h[2] + m3h[5];
+    assert_near(F[6 * 8 + 4], F_3 / 6, 0, TOLERANCE(1e-13, 1e-5));
+    assert_near(F[6 * 8 + 6], -(F_3 + m3h[3]) / 6, 0, TOLERANCE(1e-13, 1e-5));
+    /* F_1 = F_01 + F_r1 + F_r2 from 1 to 2, F_2 - F_r1 = F_01 + F_02 + F_r2 from 2 to 3 */
+    assert_near(F[2 * 8], (m3h[0] + m3h[4] + m3h[5]) / 3, 0, TOLERANCE(1e-13, 1e-5));
+    assert_near(F[4 * 8 + 2], (m3h[0] + m3h[1] + m3h[5]) / 4, 0, TOLERANCE(1e-13, 1e-5));
+}
+
+/* ---- three_tank ---- */
+
+enum { IDENTIFIED = 0, RIG = 1 };
+
+static void rig_rests_at_its_initial_state(void **state)
+{
+    (void)state;
+    struct bench bench;
+    dse_real u[2], dx[5];
+    set_up(&bench, dse_plant_find("three_tank"), RIG);
+    for (int k = 0; k < 2; k++) {
+        u[k] = bench.plant->inputs[k].nominal;
+    }
+    assert_int_equal(bench.model.f(&bench.model, 0, bench.x, u, dx), DSE_OK);
+    for (int k = 0; k < 5; k++) {
+        assert_true(dse_abs(dx[k]) < TOLERANCE(1e-9, 1e-2));
+    }
+    /* the identified model is off there by 95 cm/h in tank 2 */
+    set_up(&bench, dse_plant_find("three_tank"), IDENTIFIED);
+    assert_int_equal(bench.model.f(&bench.model, 0, bench.x, u, dx), DSE_OK);
+    assert_near(dx[2], 95, 0, DSE_REAL(0.01));
+}
+
+static void interactions_move_like_the_differences_of_the_levels(void **state)
+{
+    (void)state;
+    struct bench bench;
+    dse_real dx[5];
+    for (int set = 0; set < 2; set++) {
+        set_up(&bench, dse_plant_find("three_tank"), set);
+        bench.x[1] += 3; /* off the differences: the interaction is a state of its own */
+        assert_int_equal(bench.model.f(&bench.model, 0, bench.x, bench.u, dx), DSE_OK);
+        assert_near(dx[1], dx[0] - dx[2], 1, TOLERANCE(1e-13, 1e-4));
+        assert_near(dx[4], dx[3] - dx[2], 1, TOLERANCE(1e-13, 1e-4));
+    }
+}
+
+static void flows_between_the_tanks_reverse_in_the_rig_only(void **state)
+{
+    (void)state;
+    struct bench bench;
+    dse_real up[5], down[5], empty[5];
+    const dse_real x[5] = {20, -5, 25, 20, -5};
+    const dse_real mirrored[5] = {20, 5, 25, 20, 5};
+    const dse_real dry[5] = {-1, 5, -1, -1, 5};
+    set_up(&bench, dse_plant_find("three_tank"), RIG);
+    assert_int_equal(bench.model.f(&bench.model, 0, x, bench.u, up), DSE_OK);
+    assert_int_equal(bench.model.f(&bench.model, 0, mirrored, bench.u, down), DSE_OK);
+    /* q and -q: their mean is the flow without q */
+    const struct dse_model *m = &bench.model;
+    const dse_real level[5] = {20, 0, 25, 20, 0};
+    dse_real none[5];
+    assert_int_equal(m->f(m, 0, level, bench.u, none), DSE_OK);
+    for (int k = 0; k < 5; k++) {
+        assert_near((up[k] + down[k]) / 2, none[k], 1, TOLERANCE(1e-12, 1e-4));
+    }
+    assert_true(up[0] > down[0] && up[2] < down[2]);
+    /* an empty tank has no outflow */
+    assert_int_equal(m->f(m, 0, dry, bench.u, empty), DSE_OK);
+    assert_near(empty[0] + empty[2] + empty[3],
+                DSE_REAL(177.662338) * bench.u[0] + DSE_REAL(162.077922) * bench.u[1], 0,
+                TOLERANCE(1e-8, 1e-5));
+    /* the estimators' model knows one direction, and no level below 0.01 cm */
+    const dse_real least[5] = {20, DSE_REAL(0.01), 25, 20, DSE_REAL(0.01)};
+    set_up(&bench, dse_plant_find("three_tank"), IDENTIFIED);
+    assert_int_equal(m->f(m, 0, x, bench.u, up), DSE_OK);
+    assert_int_equal(m->f(m, 0, least, bench.u, down), DSE_OK);
+    assert_memory_equal(up, down, sizeof up);
+}
+
+static void decoded_levels_stay_within_the_tanks(void **state)
+{
+    (void)state;
+    struct bench bench;
+    dse_real chi[5], z[5], dz[5], F[4];
+    set_up(&bench, dse_plant_find("three_tank"), IDENTIFIED);
+    const struct dse_normal_form *form = &bench.form;
+    static const dse_real wild[] = {-1e6, -1e3, -1, 0, 1, 1e3, 1e6};
+    for (int a = 0; a < 7; a++) {
+        for (int b = 0; b < 7; b++) {
+            const dse_real point[5] = {wild[a], wild[b], wild[a], wild[b], wild[a]};
+            assert_int_equal(form->decode(form, 0, point, bench.u, chi), DSE_OK);
+            for (int k = 0; k < 5; k++) {
+                assert_true(chi[k] >= TOLERANCE(0.01 - 1e-15, 0.01 - 1e-8) &&
+                            chi[k] <= TOLERANCE(100 + 1e-12, 100.001));
+            }
+            assert_int_equal(form->field(form, 0, point, bench.u, dz), DSE_OK);
+            assert_true(dse_all_finite(dz, 5));
+            /* an outer block's chain keeps its own unclipped z: z_1' = z_2 + b u */
+            assert_near(dz[0], point[1] + DSE_REAL(177.662338) * bench.u[0], 1,
+                        TOLERANCE(1e-7, 1e-5));
+            for (int i = 0; i < 3; i++) {
+                assert_int_equal(form->jacobian(form, i, 0, point, bench.u, F), DSE_OK);
+                assert_true(dse_all_finite(F, form->n_i[i] * form->n_i[i]));
+            }
+        }
+    }
+    /* within the limits nothing is held */
+    assert_int_equal(form->encode(form, 0, bench.x, bench.u, z), DSE_OK);
+    assert_int_equal(form->decode(form, 0, z, bench.u, chi), DSE_OK);
+    for (int k = 0; k < 5; k++) {
+        assert_near(chi[k], bench.x[k], 0, TOLERANCE(1e-13, 1e-4));
+    }
+}
+
+static void tanks_refuse_what_is_not_a_number(void **state)
+{
+    (void)state;
+    struct bench bench;
+    set_up(&bench, dse_plant_find("three_tank"), RIG);
+    const struct dse_model *m = &bench.model;
+    const struct dse_normal_form *form = &bench.form;
+    dse_real out[25];
+    for (int k = 0; k < 5; k++) {
+        const dse_real bad[] = {(dse_real)NAN, (dse_real)INFINITY};
+        for (int b = 0; b < 2; b++) {
+            dse_real x[5];
+            memcpy(x, bench.x, sizeof x);
+            x[k] = bad[b];
+            assert_int_equal(m->f(m, 0, x, bench.u, out), DSE_EMODEL);
+            assert_int_equal(m->dfdx(m, 0, x, bench.u, out), DSE_EMODEL);
+            assert_int_equal(form->encode(form, 0, x, bench.u, out), DSE_EMODEL);
+            assert_int_equal(form->decode(form, 0, x, bench.u, out), DSE_EMODEL);
+            assert_int_equal(form->field(form, 0, x, bench.u, out), DSE_EMODEL);
+            assert_int_equal(form->jacobian(form, 0, 0, x, bench.u, out), DSE_EMODEL);
+            assert_int_equal(form->map_jacobian(form, 0, 0, x, bench.u, out), DSE_EMODEL);
+        }
+    }
+    assert_int_equal(m->f(m, 0, bench.x, NULL, out), DSE_EINVAL);
+    assert_int_equal(form->field(form, 0, bench.x, NULL, out), DSE_EINVAL);
+    assert_int_equal(form->jacobian(form, 0, 0, bench.x, NULL, out), DSE_EINVAL);
+    dse_real values[DSE_PLANT_MAX_PARAMETERS], prepared[MAX_PREPARED];
+    memcpy(values, bench.plant->sets[RIG].values,
+           (size_t)bench.plant->n_parameters * sizeof *values);
+    values[bench.plant->n_parameters - 1] = DSE_REAL(0.5);
+    assert_int_equal(bench.plant->prepare(values, prepared), DSE_EINVAL);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -483,6 +687,13 @@ int main(void)
         cmocka_unit_test(reactor_without_a_temperature_is_a_model_error),
         cmocka_unit_test(feed_without_a_value_is_refused),
         cmocka_unit_test(recycle_mismatch_moves_reactor_1_only),
+        cmocka_unit_test(cstr4_rests_in_its_steady_state),
+        cmocka_unit_test(cstr4_balances_its_flows_for_any_feeds),
+        cmocka_unit_test(rig_rests_at_its_initial_state),
+        cmocka_unit_test(interactions_move_like_the_differences_of_the_levels),
+        cmocka_unit_test(flows_between_the_tanks_reverse_in_the_rig_only),
+        cmocka_unit_test(decoded_levels_stay_within_the_tanks),
+        cmocka_unit_test(tanks_refuse_what_is_not_a_number),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

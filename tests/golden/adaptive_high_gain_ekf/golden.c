@@ -112,6 +112,8 @@ int golden_plant_load(struct golden_plant *out, const char *name)
         {"2cstr_ch2", "cstr2", "ch2"},
         {"2cstr_ch4", "cstr2", "ch4"},
         {"4cstr", "cstr4", NULL},
+        {"threetank", "three_tank", "identified"},
+        {"threetank_rig", "three_tank", "rig"},
     };
     *out = (struct golden_plant){0};
     for (size_t k = 0; name != NULL && k < sizeof names / sizeof names[0]; k++) {

@@ -46,5 +46,7 @@ void golden_plant_free(struct golden_plant *plant);
 int golden_plant_file(const json_t *root);
 int golden_gain_file(const json_t *root);
 int golden_run_file(const json_t *root);
+int golden_three_tank_plant_file(const json_t *root);
+int golden_three_tank_run_file(const json_t *root);
 
 #endif
