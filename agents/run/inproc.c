@@ -127,8 +127,7 @@ int run_inproc(const struct run_options *options, const struct scenario *scenari
         options_complain("dse-run", &error);
     if (ok && !options->quiet)
         print_hashes(&network);
-    if (log_path[0] != '\0')
-        printf("log: %s\n", log_path);
+    run_log_tell(log_path);
     tear_down(&network);
     return ok ? 0 : EXIT_RUN;
 }
@@ -173,8 +172,7 @@ static bool replay_network(const struct run_options *options, struct recorded *r
     bool equal = ok && compare_report(compare, scenario);
     if (ok && !equal && !changed)
         ok = error_set(error, "the replay differs from the record");
-    if (log_path[0] != '\0')
-        printf("log: %s\n", log_path);
+    run_log_tell(log_path);
     compare_free(compare);
     tear_down(&network);
     return ok;

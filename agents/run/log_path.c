@@ -4,6 +4,7 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <time.h>
+#include <unistd.h>
 
 #include "run/run.h"
 
@@ -30,4 +31,15 @@ bool run_log_path(const struct run_options *options, const struct scenario *scen
         return error_set(error, "cannot write the log %s: %s", path, strerror(errno));
     fclose(file);
     return true;
+}
+
+void run_log_tell(const char *path)
+{
+    struct stat status;
+    if (path[0] == '\0' || stat(path, &status) != 0)
+        return;
+    if (S_ISREG(status.st_mode) && status.st_size == 0)
+        unlink(path); /* nothing was recorded: the run did not begin */
+    else
+        printf("log: %s\n", path);
 }

@@ -388,8 +388,7 @@ int run_processes(const struct run_options *options, const struct scenario *scen
         options_complain("dse-run", &error);
     if (ok && log_path[0] != '\0' && options->common.pace != DSE_CLOCK_T_PACE_REPLAY)
         check_log(log_path, scenario);
-    if (log_path[0] != '\0')
-        printf("log: %s\n", log_path);
+    run_log_tell(log_path);
     free(crew);
     return ok ? 0 : EXIT_RUN;
 }

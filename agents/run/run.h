@@ -22,6 +22,9 @@ struct run_options {
 bool run_log_path(const struct run_options *options, const struct scenario *scenario, char *path,
                   int size, struct error *error);
 
+/* Prints where the log is; removes an empty one. */
+void run_log_tell(const char *path);
+
 /* Each returns an exit code and prints its own summary. */
 int run_processes(const struct run_options *options, const struct scenario *scenario);
 int run_inproc(const struct run_options *options, const struct scenario *scenario);

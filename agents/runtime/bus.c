@@ -6,9 +6,13 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "runtime/bus_trouble.h"
+
 #define BUS_DEFAULT_URL       "udpm://239.255.76.67:7667?ttl=0"
 #define BUS_MAX_SUBSCRIPTIONS 64
 #define BUS_BATCH             256 /* messages handed on before others get a turn */
+#define CHECK_TRIES           100
+#define CHECK_WAIT_MS         50
 
 struct subscription {
     bus_handler handler;
@@ -22,11 +26,6 @@ struct bus {
     int n_subscriptions;
     int capacity;
 };
-
-static const char *route_advice =
-    "LCM needs a route for multicast. On a machine without a network, as root:\n"
-    "    ip link set lo multicast on && ip route add 224.0.0.0/4 dev lo\n"
-    "or run everything in one process: dse-run --inproc";
 
 struct bus *bus_open(const char *url, struct error *error)
 {
@@ -44,13 +43,7 @@ struct bus *bus_open(const char *url, struct error *error)
     }
     bus->lcm = lcm_create(url);
     if (bus->lcm == NULL) {
-        if (strncmp(url, "udpm:", 5) == 0)
-            error_set(error, "cannot open the bus %s.\n%s", url, route_advice);
-        else
-            error_set(error,
-                      "cannot open the bus %s: not a URL that LCM knows (udpm://group:port?ttl=0, "
-                      "memq://)",
-                      url);
+        bus_trouble(url, "cannot open the bus", error);
         bus_close(bus);
         return NULL;
     }
@@ -102,7 +95,7 @@ bool bus_subscribe(struct bus *bus, const char *pattern, bus_handler handler, vo
     lcm_subscription_t *lcm_subscription = lcm_subscribe(bus->lcm, pattern, deliver, subscription);
     if (lcm_subscription == NULL) {
         free(subscription);
-        return error_set(error, "cannot subscribe to %s on %s", pattern, bus->url);
+        return bus_trouble(bus->url, "cannot listen on the bus", error);
     }
     lcm_subscription_set_queue_capacity(lcm_subscription, 0); /* no limit */
     bus->subscriptions[bus->n_subscriptions++] = subscription;
@@ -144,14 +137,13 @@ bool bus_check(const char *url, struct error *error)
         return false;
     int echoes = 0;
     bool ok = bus_subscribe(bus, "DSE_CHECK", count_echo, &echoes, error);
-    for (int i = 0; ok && echoes == 0 && i < 20; i++) {
+    for (int i = 0; ok && echoes == 0 && i < CHECK_TRIES; i++) {
         bus_publish(bus, "DSE_CHECK", "?", 1);
-        if (bus_wait(bus, 50) < 0)
+        if (bus_wait(bus, CHECK_WAIT_MS) < 0)
             break;
     }
     if (ok && echoes == 0)
-        ok = error_set(error, "messages published on %s do not come back within a second.\n%s",
-                       bus->url, route_advice);
+        ok = bus_trouble(bus->url, "messages do not come back from the bus", error);
     bus_close(bus);
     return ok;
 }

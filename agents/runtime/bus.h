@@ -29,7 +29,7 @@ bool bus_publish(struct bus *bus, const char *channel, const void *bytes, int le
  * wait). Number of messages, 0 when none came, -1 when the bus failed. */
 int bus_wait(struct bus *bus, int timeout_ms);
 
-/* True when a message published at url comes back within a second. */
+/* True when a message published at url comes back within five seconds. */
 bool bus_check(const char *url, struct error *error);
 
 /* ---- event logs ---- */
