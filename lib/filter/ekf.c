@@ -74,19 +74,22 @@ static enum dse_status prepare_noise(struct dse_ekf *ekf)
 static enum dse_status take_memory(struct dse_ekf *ekf, struct dse_arena *arena)
 {
     const int nx = ekf->nx, ny = ekf->ny;
+    /* Matrices with rows of whole blocks first, so that blocks do not straddle cache lines when the
+     * arena begins at one. */
+    ekf->T = dse_arena_take(arena, DSE_FACTORED_SIZE(nx));
+    ekf->T_next = dse_arena_take(arena, DSE_FACTORED_SIZE(nx));
+    ekf->scratch = dse_arena_take(arena, DSE_EKF_SCRATCH(nx, ny));
     ekf->x = dse_arena_take(arena, nx);
-    ekf->T = dse_arena_take(arena, nx * nx);
     ekf->d = dse_arena_take(arena, nx);
     ekf->x_next = dse_arena_take(arena, nx);
-    ekf->T_next = dse_arena_take(arena, nx * nx);
     ekf->d_next = dse_arena_take(arena, nx);
     ekf->R_factor = dse_arena_take(arena, ny * ny);
     ekf->innovation = dse_arena_take(arena, ny);
     ekf->channel = dse_arena_take(arena, ny);
-    ekf->scratch = dse_arena_take(arena, DSE_EKF_SCRATCH(nx, ny));
     ekf->ode = NULL;
-    if (!ekf->scratch)
-        return DSE_ESTORAGE; /* the largest piece: if it fits, all before it did */
+    if (!ekf->T || !ekf->T_next || !ekf->scratch || !ekf->x || !ekf->d || !ekf->x_next ||
+        !ekf->d_next || !ekf->R_factor || !ekf->innovation || !ekf->channel)
+        return DSE_ESTORAGE;
     if (ekf->config->model->time == DSE_CONTINUOUS) {
         ekf->ode = dse_arena_take(arena, DSE_EKF_ODE(nx));
         if (!ekf->ode)
@@ -149,6 +152,8 @@ void dse_ekf_commit(struct dse_ekf *ekf)
 
 enum dse_status dse_ekf_fail(struct dse_ekf *ekf, enum dse_status status)
 {
+    for (int i = 0; i < DSE_FACTORED_SIZE(ekf->nx); i++)
+        ekf->T_next[i] = 0; /* a NaN may have got left of the diagonal */
     ekf->health = DSE_HEALTH_DIVERGED;
     ekf->counts.failed++;
     return status;

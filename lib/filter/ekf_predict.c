@@ -22,11 +22,12 @@ static enum dse_status predict_discrete(struct dse_ekf *ekf, const dse_real *u)
     enum dse_status status = model->f(model, ekf->time, ekf->x, u, ekf->x_next);
     if (status != DSE_OK)
         return status;
-    status = model->dfdx(model, ekf->time, ekf->x, u, ekf->scratch);
+    dse_real *F = ekf->scratch + DSE_FACTORED_PREDICT_SCRATCH(ekf->nx);
+    status = model->dfdx(model, ekf->time, ekf->x, u, F);
     if (status != DSE_OK)
         return status;
-    return dse_factored_predict(ekf->nx, ekf->T, ekf->d, ekf->config->Q, 1, ekf->scratch,
-                                ekf->T_next, ekf->d_next);
+    return dse_factored_predict(ekf->nx, ekf->T, ekf->d, ekf->config->Q, 1, F, ekf->T_next,
+                                ekf->d_next, ekf->scratch);
 }
 
 /* Mean and transition matrix as one system z = [x; Phi]. */
@@ -69,10 +70,8 @@ static enum dse_status propagate(struct dse_ekf *ekf, dse_real t, dse_real h, ds
         return status;
     for (int i = 0; i < n; i++)
         ekf->x_next[i] = z[i];
-    for (int i = 0; i < n * n; i++)
-        ekf->scratch[i] = z[n + i];
-    return dse_factored_predict(n, T, d, ekf->config->Q, weight, ekf->scratch, ekf->T_next,
-                                ekf->d_next);
+    return dse_factored_predict(n, T, d, ekf->config->Q, weight, z + n, ekf->T_next, ekf->d_next,
+                                ekf->scratch);
 }
 
 /* Panels for an interval; 0: too many. */

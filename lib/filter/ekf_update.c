@@ -8,26 +8,26 @@
 
 /* Pieces of the scratch memory. */
 struct workspace {
-    dse_real *H;        /* ny x nx; rows of used channels move to the top */
+    dse_real *G;        /* nx x ny: T H'; columns of used channels move to the left */
+    dse_real *rest;     /* scratch of the projection, then of the update */
+    dse_real *H;        /* ny x nx */
     dse_real *R_factor; /* ny x ny, for a part of the channels */
     dse_real *e;        /* ny: innovations of used channels */
     dse_real *r;        /* ny: their noise variances */
-    dse_real *dx;       /* nx: correction so far */
-    dse_real *v;        /* nx: P h */
-    dse_real *scalar;   /* of the scalar update */
+    dse_real *dx;       /* nx: correction */
 };
 
 static struct workspace workspace_of(const struct dse_ekf *ekf)
 {
     const int nx = ekf->nx, ny = ekf->ny;
     struct workspace w;
-    w.H = ekf->scratch;
+    w.G = ekf->scratch;
+    w.rest = w.G + nx * DSE_FACTORED_STRIDE(ny);
+    w.H = w.rest + DSE_EKF_SCRATCH_REST(nx, ny);
     w.R_factor = w.H + ny * nx;
     w.e = w.R_factor + ny * ny;
     w.r = w.e + ny;
     w.dx = w.r + ny;
-    w.v = w.dx + nx;
-    w.scalar = w.v + nx;
     return w;
 }
 
@@ -50,7 +50,7 @@ static int sort_channels(struct dse_ekf *ekf, const struct dse_measurement *meas
 
 static bool is_used(const struct dse_ekf *ekf, int j)
 {
-    return dse_ekf_channel(ekf, j) == DSE_CHANNEL_USED;
+    return ekf->channel[j] == (dse_real)DSE_CHANNEL_USED;
 }
 
 /* e = y - h(x, u), and H at the same point. */
@@ -74,7 +74,7 @@ static enum dse_status linearise(struct dse_ekf *ekf, const dse_real *u,
 
 /* Rejects channel j when e_j^2 > gate^2 (H_j P H_j' + R_jj): each against its own prior
  * distribution, so the verdict does not depend on the order of channels. */
-static void apply_gate(struct dse_ekf *ekf, const dse_real *H)
+static void apply_gate(struct dse_ekf *ekf, const dse_real *G)
 {
     const int nx = ekf->nx, ny = ekf->ny;
     const dse_real gate = ekf->config->gate;
@@ -83,77 +83,84 @@ static void apply_gate(struct dse_ekf *ekf, const dse_real *H)
             continue;
         const dse_real e = ekf->innovation[j];
         const dse_real variance =
-            dse_factored_form(nx, ekf->T, ekf->d, H + j * nx) + ekf->config->R[j * ny + j];
+            dse_factored_form(nx, ny, ekf->d, G, j) + ekf->config->R[j * ny + j];
         if (e * e > gate * gate * variance)
             ekf->channel[j] = DSE_CHANNEL_REJECTED;
     }
 }
 
-/* Moves used rows of H, their innovations and noise variances to the top; how many. */
+/* Innovations, noise variances and columns of G of the used channels, without gaps; how many. */
 static int gather(const struct dse_ekf *ekf, const struct workspace *w)
 {
-    const int nx = ekf->nx;
+    const int nx = ekf->nx, ny = ekf->ny;
     int used = 0;
-    for (int j = 0; j < ekf->ny; j++) {
+    for (int j = 0; j < ny; j++) {
         if (!is_used(ekf, j))
             continue;
         w->e[used] = ekf->innovation[j];
-        w->r[used] = ekf->config->R[j * ekf->ny + j];
-        for (int i = 0; i < nx && used < j; i++)
-            w->H[used * nx + i] = w->H[j * nx + i];
+        w->r[used] = ekf->config->R[j * ny + j];
         used++;
+    }
+    if (used == ny)
+        return used;
+    const int from = DSE_FACTORED_STRIDE(ny), to = DSE_FACTORED_STRIDE(used); /* to <= from */
+    for (int i = 0; i < nx; i++) {
+        int c = 0;
+        for (int j = 0; j < ny; j++)
+            if (is_used(ekf, j))
+                w->G[i * to + c++] = w->G[i * from + j];
+        for (; c < to; c++)
+            w->G[i * to + c] = 0;
     }
     return used;
 }
 
-/* H <- L^-1 H, e <- L^-1 e with L L' = R of the used channels: their noises become independent with
- * variance 1. The factor of the whole R serves when all are used. */
-static enum dse_status whiten(const struct dse_ekf *ekf, int used, const struct workspace *w)
+/* The Cholesky factor of the part of R that belongs to the used channels. */
+static enum dse_status factor_part(const struct dse_ekf *ekf, int used, dse_real *L)
 {
     const int ny = ekf->ny;
+    for (int a = 0, j = 0; j < ny; j++) {
+        if (!is_used(ekf, j))
+            continue;
+        for (int b = 0, k = 0; k <= j; k++)
+            if (is_used(ekf, k))
+                L[a * used + b++] = ekf->config->R[j * ny + k];
+        a++;
+    }
+    return dse_cholesky(used, L, L);
+}
+
+/* H <- L^-1 H, hence each row of G <- L^-1 row, and e <- L^-1 e with L L' = R of the used channels:
+ * their noises become independent with variance 1. */
+static enum dse_status whiten(const struct dse_ekf *ekf, int used, const struct workspace *w)
+{
     const dse_real *L = ekf->R_factor;
-    if (used < ny) {
-        for (int a = 0, j = 0; j < ny; j++) {
-            if (!is_used(ekf, j))
-                continue;
-            for (int b = 0, k = 0; k <= j; k++)
-                if (is_used(ekf, k))
-                    w->R_factor[a * used + b++] = ekf->config->R[j * ny + k];
-            a++;
-        }
-        const enum dse_status status = dse_cholesky(used, w->R_factor, w->R_factor);
+    if (used < ekf->ny) {
+        const enum dse_status status = factor_part(ekf, used, w->R_factor);
         if (status != DSE_OK)
             return status;
         L = w->R_factor;
     }
-    dse_lower_solve(used, L, ekf->nx, w->H);
+    for (int i = 0; i < ekf->nx; i++)
+        dse_lower_solve(used, L, 1, w->G + i * DSE_FACTORED_STRIDE(used));
     dse_lower_solve(used, L, 1, w->e);
-    for (int row = 0; row < used; row++)
-        w->r[row] = 1;
+    for (int c = 0; c < used; c++)
+        w->r[c] = 1;
     return DSE_OK;
 }
 
-/* One used channel after the other; the innovation of each is what the earlier ones left of it:
- *     e = e_j - H_j dx,  s = H_j P H_j' + r,  dx <- dx + P H_j' e / s,  nis <- nis + e^2 / s. */
-static enum dse_status update_sequentially(struct dse_ekf *ekf, int used, const struct workspace *w,
-                                           dse_real *nis)
+/* Fills the next estimate. */
+static enum dse_status correct(struct dse_ekf *ekf, int used, const struct workspace *w,
+                               dse_real *nis)
 {
     const int nx = ekf->nx;
-    for (int j = 0; j < nx; j++) {
-        ekf->d_next[j] = ekf->d[j];
-        for (int i = j + 1; i < nx; i++)
-            ekf->T_next[j * nx + i] = ekf->T[j * nx + i];
-        w->dx[j] = 0;
+    if (!ekf->R_diagonal) {
+        const enum dse_status status = whiten(ekf, used, w);
+        if (status != DSE_OK)
+            return status;
     }
-    *nis = 0;
-    for (int row = 0; row < used; row++) {
-        const dse_real *h = w->H + row * nx;
-        const dse_real s =
-            dse_factored_update(nx, ekf->T_next, ekf->d_next, h, w->r[row], w->v, w->scalar);
-        const dse_real e = w->e[row] - dse_dot(nx, h, w->dx);
-        dse_axpy(nx, e / s, w->v, w->dx);
-        *nis += e * e / s;
-    }
+    *nis = dse_factored_update(nx, used, ekf->T, ekf->d, w->G, w->r, w->e, ekf->T_next, ekf->d_next,
+                               w->dx, w->rest);
     for (int i = 0; i < nx; i++)
         ekf->x_next[i] = ekf->x[i] + w->dx[i];
     if (!dse_is_finite(*nis) || !dse_all_finite(ekf->x_next, nx) ||
@@ -199,18 +206,16 @@ enum dse_status dse_ekf_update(struct dse_ekf *ekf, dse_real t, const dse_real *
         status = linearise(ekf, u, measurement, w.H);
         if (status != DSE_OK)
             return dse_ekf_fail(ekf, status);
+        dse_factored_project(ekf->nx, ekf->ny, ekf->T, w.H, w.G, w.rest);
         if (ekf->config->gate > 0)
-            apply_gate(ekf, w.H);
+            apply_gate(ekf, w.G);
         used = gather(ekf, &w);
     } else {
         for (int j = 0; j < ekf->ny; j++)
             ekf->innovation[j] = 0;
     }
     if (used > 0) {
-        if (!ekf->R_diagonal)
-            status = whiten(ekf, used, &w);
-        if (status == DSE_OK)
-            status = update_sequentially(ekf, used, &w, &nis);
+        status = correct(ekf, used, &w, &nis);
         if (status != DSE_OK)
             return dse_ekf_fail(ekf, status);
         dse_ekf_commit(ekf);

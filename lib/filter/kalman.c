@@ -15,7 +15,7 @@ static enum dse_status discretise(struct dse_kalman *kalman, const struct dse_ka
     dse_real *Bd = dse_arena_take(arena, nx * nu);
     struct dse_arena rest = *arena; /* scratch from what the filter takes only afterwards */
     dse_real *scratch = dse_arena_take(
-        &rest, DSE_KALMAN_LARGER(DSE_DISCRETISE_SCRATCH(nx, nu), DSE_VAN_LOAN_SCRATCH(nx)));
+        &rest, DSE_EKF_LARGER(DSE_DISCRETISE_SCRATCH(nx, nu), DSE_VAN_LOAN_SCRATCH(nx)));
     if (!scratch)
         return DSE_ESTORAGE; /* the largest piece: if it fits, all before it did */
     if (config->Q) {

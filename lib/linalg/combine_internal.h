@@ -1,52 +1,122 @@
-/* The inner loop of the dense kernels: a linear combination of contiguous rows.
+/* The inner loop of the dense kernels: a linear combination of rows,
  *
- * Rows run over the fast index, so that a compiler may use vector registers without changing a
- * bit: every element is summed over p in ascending order, whatever the width of a register. Four
- * rows are taken at a time, in that order, to load and store the target once instead of four
- * times. */
+ *     c_j <- c_j + sum_p a_p B_pj    (or minus),   p = 0 .. k-1,  j = 0 .. n-1.
+ *
+ * Every element is the sum of two partial sums, c_j and the terms of even p on the one hand, those
+ * of odd p on the other, each in ascending order. So the bits do not depend on how many columns
+ * are taken at a time, and half as many additions wait for each other. A block of columns stays in
+ * registers while p runs: B is read once, c is read and written once. */
 #ifndef DSE_LINALG_COMBINE_INTERNAL_H
 #define DSE_LINALG_COMBINE_INTERNAL_H
 
-#include "dse/real.h"
+#include "lanes_internal.h"
 
-/* c_j += sum_p a_p B_pj, p = 0 .. k-1, j = 0 .. n-1; a has stride `sa`, rows of B stride `sb`. */
-static inline void combine_add(int n, int k, const dse_real *restrict a, int sa,
-                               const dse_real *restrict B, int sb, dse_real *restrict c)
+/* Columns 0 .. 4 LANES - 1. */
+static inline void combine_4(int k, const dse_real *a, int sa, const dse_real *B, int sb,
+                             dse_real sign, dse_real *c)
 {
-    int p = 0;
-    for (; p + 4 <= k; p += 4) {
-        const dse_real a0 = a[p * sa], a1 = a[(p + 1) * sa];
-        const dse_real a2 = a[(p + 2) * sa], a3 = a[(p + 3) * sa];
-        const dse_real *b0 = B + p * sb, *b1 = b0 + sb, *b2 = b1 + sb, *b3 = b2 + sb;
-        for (int j = 0; j < n; j++)
-            c[j] = (((c[j] + a0 * b0[j]) + a1 * b1[j]) + a2 * b2[j]) + a3 * b3[j];
+    lanes c0 = lanes_load(c), c1 = lanes_load(c + LANES), c2 = lanes_load(c + 2 * LANES),
+          c3 = lanes_load(c + 3 * LANES);
+    lanes d0 = lanes_all(0), d1 = d0, d2 = d0, d3 = d0;
+    for (; k >= 2; k -= 2, a += 2 * sa, B += 2 * sb) {
+        const lanes even = lanes_all(sign * a[0]), odd = lanes_all(sign * a[sa]);
+        c0 += even * lanes_load(B);
+        c1 += even * lanes_load(B + LANES);
+        c2 += even * lanes_load(B + 2 * LANES);
+        c3 += even * lanes_load(B + 3 * LANES);
+        d0 += odd * lanes_load(B + sb);
+        d1 += odd * lanes_load(B + sb + LANES);
+        d2 += odd * lanes_load(B + sb + 2 * LANES);
+        d3 += odd * lanes_load(B + sb + 3 * LANES);
     }
-    for (; p < k; p++) {
-        const dse_real a0 = a[p * sa];
-        const dse_real *b0 = B + p * sb;
-        for (int j = 0; j < n; j++)
-            c[j] += a0 * b0[j];
+    if (k > 0) {
+        const lanes even = lanes_all(sign * a[0]);
+        c0 += even * lanes_load(B);
+        c1 += even * lanes_load(B + LANES);
+        c2 += even * lanes_load(B + 2 * LANES);
+        c3 += even * lanes_load(B + 3 * LANES);
     }
+    lanes_store(c, c0 + d0);
+    lanes_store(c + LANES, c1 + d1);
+    lanes_store(c + 2 * LANES, c2 + d2);
+    lanes_store(c + 3 * LANES, c3 + d3);
 }
 
-/* c_j -= sum_p a_p B_pj. */
-static inline void combine_subtract(int n, int k, const dse_real *restrict a, int sa,
-                                    const dse_real *restrict B, int sb, dse_real *restrict c)
+static inline void combine_2(int k, const dse_real *a, int sa, const dse_real *B, int sb,
+                             dse_real sign, dse_real *c)
 {
-    int p = 0;
-    for (; p + 4 <= k; p += 4) {
-        const dse_real a0 = a[p * sa], a1 = a[(p + 1) * sa];
-        const dse_real a2 = a[(p + 2) * sa], a3 = a[(p + 3) * sa];
-        const dse_real *b0 = B + p * sb, *b1 = b0 + sb, *b2 = b1 + sb, *b3 = b2 + sb;
-        for (int j = 0; j < n; j++)
-            c[j] = (((c[j] - a0 * b0[j]) - a1 * b1[j]) - a2 * b2[j]) - a3 * b3[j];
+    lanes c0 = lanes_load(c), c1 = lanes_load(c + LANES), d0 = lanes_all(0), d1 = d0;
+    for (; k >= 2; k -= 2, a += 2 * sa, B += 2 * sb) {
+        const lanes even = lanes_all(sign * a[0]), odd = lanes_all(sign * a[sa]);
+        c0 += even * lanes_load(B);
+        c1 += even * lanes_load(B + LANES);
+        d0 += odd * lanes_load(B + sb);
+        d1 += odd * lanes_load(B + sb + LANES);
     }
-    for (; p < k; p++) {
-        const dse_real a0 = a[p * sa];
-        const dse_real *b0 = B + p * sb;
-        for (int j = 0; j < n; j++)
-            c[j] -= a0 * b0[j];
+    if (k > 0) {
+        const lanes even = lanes_all(sign * a[0]);
+        c0 += even * lanes_load(B);
+        c1 += even * lanes_load(B + LANES);
     }
+    lanes_store(c, c0 + d0);
+    lanes_store(c + LANES, c1 + d1);
+}
+
+static inline void combine_1(int k, const dse_real *a, int sa, const dse_real *B, int sb,
+                             dse_real sign, dse_real *c)
+{
+    lanes c0 = lanes_load(c), d0 = lanes_all(0);
+    for (; k >= 2; k -= 2, a += 2 * sa, B += 2 * sb) {
+        c0 += lanes_all(sign * a[0]) * lanes_load(B);
+        d0 += lanes_all(sign * a[sa]) * lanes_load(B + sb);
+    }
+    if (k > 0)
+        c0 += lanes_all(sign * a[0]) * lanes_load(B);
+    lanes_store(c, c0 + d0);
+}
+
+static inline void combine_scalar(int k, const dse_real *a, int sa, const dse_real *B, int sb,
+                                  dse_real sign, dse_real *c)
+{
+    dse_real c0 = *c, d0 = 0;
+    for (; k >= 2; k -= 2, a += 2 * sa, B += 2 * sb) {
+        c0 += sign * a[0] * B[0];
+        d0 += sign * a[sa] * B[sb];
+    }
+    if (k > 0)
+        c0 += sign * a[0] * B[0];
+    *c = c0 + d0;
+}
+
+/* a has stride sa, the rows of B have stride sb; sign is 1 or -1. c overlaps neither. */
+static inline void combine(int n, int k, const dse_real *a, int sa, const dse_real *B, int sb,
+                           dse_real sign, dse_real *c)
+{
+    int j = 0;
+    for (; j + 4 * LANES <= n; j += 4 * LANES)
+        combine_4(k, a, sa, B + j, sb, sign, c + j);
+    if (j + 2 * LANES <= n) {
+        combine_2(k, a, sa, B + j, sb, sign, c + j);
+        j += 2 * LANES;
+    }
+    if (j + LANES <= n) {
+        combine_1(k, a, sa, B + j, sb, sign, c + j);
+        j += LANES;
+    }
+    for (; j < n; j++)
+        combine_scalar(k, a, sa, B + j, sb, sign, c + j);
+}
+
+static inline void combine_add(int n, int k, const dse_real *a, int sa, const dse_real *B, int sb,
+                               dse_real *c)
+{
+    combine(n, k, a, sa, B, sb, 1, c);
+}
+
+static inline void combine_subtract(int n, int k, const dse_real *a, int sa, const dse_real *B,
+                                    int sb, dse_real *c)
+{
+    combine(n, k, a, sa, B, sb, -1, c);
 }
 
 #endif

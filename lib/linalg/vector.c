@@ -25,9 +25,21 @@ void dse_axpy(int n, dse_real a, const dse_real *restrict x, dse_real *restrict 
         y[i] += a * x[i];
 }
 
+/* Four rows of A at a time, so that most stores go to neighbouring places. */
 void dse_mat_transpose(int m, int n, const dse_real *restrict A, dse_real *restrict B)
 {
-    for (int i = 0; i < m; i++)
+    int i = 0;
+    for (; i + 4 <= m; i += 4) {
+        const dse_real *a = A + i * n;
+        dse_real *b = B + i;
+        for (int j = 0; j < n; j++, a++, b += m) {
+            b[0] = a[0];
+            b[1] = a[n];
+            b[2] = a[2 * n];
+            b[3] = a[3 * n];
+        }
+    }
+    for (; i < m; i++)
         for (int j = 0; j < n; j++)
             B[j * m + i] = A[i * n + j];
 }

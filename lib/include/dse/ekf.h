@@ -78,7 +78,7 @@ struct dse_ekf {
     int nx, ny;
     dse_real time; /* of the estimate */
     dse_real *x;   /* nx */
-    dse_real *T;   /* nx x nx, and d (nx): P = T' diag(d) T */
+    dse_real *T;   /* nx x nx, padded, and d (nx): P = T' diag(d) T */
     dse_real *d;
     dse_real *x_next; /* the same triple, filled by a step and exchanged for the above on success */
     dse_real *T_next;
@@ -99,14 +99,16 @@ struct dse_ekf {
 /* Predict: F and the scratch of the time update. Update: struct workspace in ekf_update.c. */
 #define DSE_EKF_SCRATCH_PREDICT(nx) ((nx) * (nx) + DSE_FACTORED_PREDICT_SCRATCH(nx))
 #define DSE_EKF_SCRATCH_UPDATE(nx, ny)                                                             \
-    ((nx) * (ny) + (ny) * (ny) + 2 * (ny) + 2 * (nx) + DSE_FACTORED_UPDATE_SCRATCH(nx))
+    ((nx)*DSE_FACTORED_STRIDE(ny) + DSE_EKF_SCRATCH_REST(nx, ny) + (nx) * (ny) + (ny) * (ny) +     \
+     2 * (ny) + (nx))
+#define DSE_EKF_SCRATCH_REST(nx, ny)                                                               \
+    DSE_EKF_LARGER((nx)*DSE_FACTORED_STRIDE(ny), DSE_FACTORED_UPDATE_SCRATCH(nx, ny))
 #define DSE_EKF_SCRATCH(nx, ny)                                                                    \
-    (DSE_EKF_SCRATCH_PREDICT(nx) > DSE_EKF_SCRATCH_UPDATE(nx, ny)                                  \
-         ? DSE_EKF_SCRATCH_PREDICT(nx)                                                             \
-         : DSE_EKF_SCRATCH_UPDATE(nx, ny))
+    DSE_EKF_LARGER(DSE_EKF_SCRATCH_PREDICT(nx), DSE_EKF_SCRATCH_UPDATE(nx, ny))
+#define DSE_EKF_LARGER(a, b) ((a) > (b) ? (a) : (b))
 /* Reals that dse_ekf_init takes for a discrete model .. */
 #define DSE_EKF_STORAGE(nx, ny)                                                                    \
-    (2 * (nx) * (nx) + 4 * (nx) + (ny) * (ny) + 2 * (ny) + DSE_EKF_SCRATCH(nx, ny))
+    (2 * DSE_FACTORED_SIZE(nx) + 4 * (nx) + (ny) * (ny) + 2 * (ny) + DSE_EKF_SCRATCH(nx, ny))
 /* .. and for a continuous one, whose mean and transition matrix are integrated together. */
 #define DSE_EKF_STORAGE_CONTINUOUS(nx, ny) (DSE_EKF_STORAGE(nx, ny) + DSE_EKF_ODE(nx))
 #define DSE_EKF_ODE(nx)                    (2 * (nx) * (nx) + (nx) + DSE_RK4_SCRATCH((nx) * (nx) + (nx)))

@@ -39,9 +39,8 @@ struct dse_kalman {
 /* .. and when it has to be discretised (the filter's own memory serves as scratch before). */
 #define DSE_KALMAN_STORAGE_CONTINUOUS(nx, nu, ny)                                                  \
     (2 * (nx) * (nx) + (nx) * (nu) +                                                               \
-     DSE_KALMAN_LARGER(DSE_EKF_STORAGE(nx, ny), DSE_KALMAN_LARGER(DSE_DISCRETISE_SCRATCH(nx, nu),  \
-                                                                  DSE_VAN_LOAN_SCRATCH(nx))))
-#define DSE_KALMAN_LARGER(a, b) ((a) > (b) ? (a) : (b))
+     DSE_EKF_LARGER(DSE_EKF_STORAGE(nx, ny),                                                       \
+                    DSE_EKF_LARGER(DSE_DISCRETISE_SCRATCH(nx, nu), DSE_VAN_LOAN_SCRATCH(nx))))
 
 /* DSE_EINVAL, DSE_ENOTPD (P0, Q, R), DSE_ENONFINITE, DSE_ESTORAGE. */
 enum dse_status dse_kalman_init(struct dse_kalman *kalman, const struct dse_kalman_config *config,
