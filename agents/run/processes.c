@@ -79,25 +79,24 @@ static void describe_end(const struct process *process, char *text, int size)
                  WEXITSTATUS(status));
 }
 
-/* Collects processes that have ended; notes the first that ended badly. */
+/* Collects processes that have ended; notes the first that ended badly. Only those of the crew:
+ * lcm-logger is the recorder's. */
 static void reap(struct crew *crew, int64_t k)
 {
-    int status;
-    pid_t pid;
-    while ((pid = waitpid(-1, &status, WNOHANG)) > 0)
-        for (int i = 0; i < crew->count; i++) {
-            struct process *process = &crew->list[i];
-            if (process->pid != pid)
-                continue;
-            process->pid = 0;
-            process->exit_status = status;
-            if (status == 0 || crew->failure[0] != '\0')
-                continue;
-            char how[256];
-            describe_end(process, how, (int)sizeof how);
-            snprintf(crew->failure, sizeof crew->failure, "%s; last sample of the run: %lld", how,
-                     (long long)k);
-        }
+    for (int i = 0; i < crew->count; i++) {
+        struct process *process = &crew->list[i];
+        int status;
+        if (process->pid == 0 || waitpid(process->pid, &status, WNOHANG) != process->pid)
+            continue;
+        process->pid = 0;
+        process->exit_status = status;
+        if (status == 0 || crew->failure[0] != '\0')
+            continue;
+        char how[256];
+        describe_end(process, how, (int)sizeof how);
+        snprintf(crew->failure, sizeof crew->failure, "%s; last sample of the run: %lld", how,
+                 (long long)k);
+    }
 }
 
 static int count_alive(const struct crew *crew)
