@@ -7,4 +7,6 @@ in the functions that need them, so that `dse --help` stays quick.
 
 from types import ModuleType
 
-COMMANDS: tuple[ModuleType, ...] = ()
+from dse.design import normal_form
+
+COMMANDS: tuple[ModuleType, ...] = (normal_form,)

@@ -1,0 +1,270 @@
+"""decode, field and jacobian in C where the inverse of the coordinates needs an iteration.
+
+decode takes the steps of the inverse in order, Newton's method for those without a closed form. The
+Jacobian follows from the implicit function theorem: dchi/dz = (dPhi/dchi)^-1, so that
+
+    F_i = A_i + db_i/dz_i + (db_i/dchi) (dPhi/dchi)^-1 E_i
+
+with E_i the columns of block i of the unit matrix.
+"""
+
+import casadi as ca
+
+from dse.design.c_function import Builder, CFunction, finite, form_function, unused
+from dse.design.invert import Step
+from dse.design.lie import NormalForm
+
+ITERATIONS = 50
+HALVINGS = 30
+
+SOLVER = """\
+struct equations {
+    int m;             /* how many */
+    const int *rows;   /* coordinates that they are about */
+    const int *states; /* their unknowns */
+    enum dse_status (*phi)(const dse_real *q, dse_real t, const dse_real *chi, const dse_real *u,
+                           dse_real *phi);
+    void (*slope)(const dse_real *q, dse_real t, const dse_real *chi, const dse_real *u,
+                  dse_real *J);
+};
+
+/* r = Phi(chi) - z in the equations' rows. */
+static enum dse_status mismatch(const struct equations *eq, const dse_real *q, dse_real t,
+                                const dse_real *z, const dse_real *u, const dse_real *chi,
+                                dse_real *r)
+{
+    if (eq->phi(q, t, chi, u, r) != DSE_OK) {
+        return DSE_EMODEL;
+    }
+    for (int k = 0; k < eq->m; k++) {
+        r[k] -= z[eq->rows[k]];
+    }
+    return dse_all_finite(r, eq->m) ? DSE_OK : DSE_EMODEL;
+}
+
+/* sum_k (r_k / w_k)^2 */
+static dse_real merit(int m, const dse_real *r, const dse_real *w)
+{
+    dse_real sum = 0;
+    for (int k = 0; k < m; k++) {
+        sum += r[k] / w[k] * (r[k] / w[k]);
+    }
+    return sum;
+}
+
+/* chi_new = chi - cut (J^-1 r), cut halved until the mismatch falls; 0 when it never does. */
+static dse_real advance(const struct equations *eq, const dse_real *q, dse_real t,
+                        const dse_real *z, const dse_real *u, const dse_real *step,
+                        const dse_real *w, dse_real *chi, dse_real *r)
+{
+    dse_real from[LARGEST];
+    const dse_real before = merit(eq->m, r, w);
+    dse_real cut = 1;
+    for (int k = 0; k < eq->m; k++) {
+        from[k] = chi[eq->states[k]];
+    }
+    for (int n = 0; n < HALVINGS; n++, cut /= 2) {
+        for (int k = 0; k < eq->m; k++) {
+            chi[eq->states[k]] = from[k] - cut * step[k];
+        }
+        if (mismatch(eq, q, t, z, u, chi, r) == DSE_OK &&
+            merit(eq->m, r, w) <= dse_max(before, DSE_REAL_EPSILON)) {
+            return cut;
+        }
+    }
+    return 0;
+}
+
+/* Solves the equations for their unknowns in chi by Newton's method from the nominal states.
+ * Converged: the last step, a whole one, was below sqrt(eps) of the states' sizes, and what is left
+ * of the mismatch is below sqrt(eps) of what such sizes make. */
+static enum dse_status newton(const struct equations *eq, const dse_real *q, dse_real t,
+                              const dse_real *z, const dse_real *u, dse_real *chi)
+{
+    const dse_real tolerance = dse_sqrt(DSE_REAL_EPSILON);
+    dse_real r[LARGEST], step[LARGEST], w[LARGEST], J[LARGEST * LARGEST];
+    int pivots[LARGEST];
+    const int m = eq->m;
+    for (int k = 0; k < m; k++) {
+        chi[eq->states[k]] = states[eq->states[k]].nominal;
+    }
+    if (mismatch(eq, q, t, z, u, chi, r) != DSE_OK) {
+        return DSE_EMODEL;
+    }
+    for (int n = 0; n < ITERATIONS; n++) {
+        dse_real size = 0;
+        eq->slope(q, t, chi, u, J);
+        for (int k = 0; k < m; k++) {
+            step[k] = r[k];
+            w[k] = DSE_REAL_MIN;
+            for (int l = 0; l < m; l++) {
+                w[k] += dse_abs(J[k * m + l]) *
+                        (dse_abs(chi[eq->states[l]]) + states[eq->states[l]].scale);
+            }
+        }
+        if (!dse_all_finite(J, m * m) || dse_lu(m, J, pivots) != DSE_OK) {
+            return DSE_EMODEL;
+        }
+        dse_lu_solve(m, J, pivots, 1, step);
+        for (int k = 0; k < m; k++) {
+            const struct dse_signal *state = &states[eq->states[k]];
+            size = dse_max(size, dse_abs(step[k]) / (dse_abs(chi[eq->states[k]]) + state->scale));
+        }
+        const dse_real cut = advance(eq, q, t, z, u, step, w, chi, r);
+        if (!(cut > 0)) {
+            return DSE_EMODEL;
+        }
+        if (cut >= 1 && size <= tolerance) {
+            return merit(m, r, w) <= tolerance * tolerance ? DSE_OK : DSE_EMODEL;
+        }
+    }
+    return DSE_EMODEL;
+}
+"""
+
+HELPER = "const dse_real *q, dse_real t,\n    const dse_real *chi, const dse_real *u, dse_real *"
+
+
+def functions(form: NormalForm, build: Builder) -> list[CFunction]:
+    """The functions, helpers first."""
+    largest = max(len(step.rows) for step in form.steps if step.solution is None)
+    bounds = f"enum {{ LARGEST = {largest}, ITERATIONS = {ITERATIONS}, HALVINGS = {HALVINGS} }};"
+    made = [CFunction("", [], raw=f"{bounds}\n\n{SOLVER.rstrip()}")]
+    for k, step in enumerate(form.steps):
+        if step.solution is None:
+            made += _equations(form, build, k, step)
+    return [*made, _inverse(form, build), _decode(build), _field(form, build), *_jacobian(form, build)]
+
+
+def _equations(form: NormalForm, build: Builder, k: int, step: Step) -> list[CFunction]:
+    """phi_k, slope_k and the table equations_k of one step."""
+    s, states = form.symbols, form.symbols.x[step.unknowns]
+    later = [n for other in form.steps[k + 1 :] for n in other.unknowns]
+    ready = [d for d in form.domain if not later or not ca.depends_on(d, s.x[later])]
+    phi = build.body([("phi", form.phi[step.rows])], state="chi", conditions=ready)
+    slope = build.body([("J", ca.jacobian(form.phi[step.rows], states))], state="chi")
+    names = ("q", "t", "chi", "u")
+    what = ", ".join(form.plant.states[n].name for n in step.unknowns)
+    table = "\n".join(
+        [
+            f"static const int rows_{k}[] = {{{', '.join(map(str, step.rows))}}};",
+            f"static const int unknowns_{k}[] = {{{', '.join(map(str, step.unknowns))}}};",
+            f"static const struct equations equations_{k} = {{",
+            f"    {len(step.rows)}, rows_{k}, unknowns_{k}, phi_{k}, slope_{k}}};",
+        ]
+    )
+    return [
+        CFunction(
+            f"static enum dse_status phi_{k}({HELPER}phi)",
+            [*unused(phi, names), *phi, "return DSE_OK;"],
+            [f"/* The equations for {what}. */"],
+        ),
+        CFunction(f"static void slope_{k}({HELPER}J)", [*unused(slope, names), *slope]),
+        CFunction("", [], raw=table),
+    ]
+
+
+def _inverse(form: NormalForm, build: Builder) -> CFunction:
+    """chi = Phi^-1(z), step by step."""
+    lines: list[str] = []
+    for k, step in enumerate(form.steps):
+        if step.solution is None:
+            call = f"newton(&equations_{k}, q, t, z, u, chi)"
+            lines += [f"if ({call} != DSE_OK) {{", "    return DSE_EMODEL;", "}"]
+        else:
+            body = build.body(
+                [("chi", step.solution)],
+                state="chi",
+                conditions=step.conditions,
+                indices=step.unknowns,
+            )
+            scope = len(body) > 1  # its constants have names of their own
+            lines += ["{", *(f"    {line}" for line in body), "}"] if scope else body
+    lines += build.body([], state="chi", conditions=form.domain)
+    head = (
+        "static enum dse_status invert(const dse_real *q, dse_real t, const dse_real *z,\n"
+        "    const dse_real *u, dse_real *chi)"
+    )
+    lines = [*unused(lines, ("q", "t", "z", "u")), *lines, finite("chi", "STATES")]
+    return CFunction(head, lines, ["/* chi = Phi^-1(z). */"])
+
+
+def _decode(build: Builder) -> CFunction:
+    return form_function(
+        build, "decode", "z chi", ["return invert(q, t, z, u, chi);"], "chi = Phi^-1(z)"
+    )
+
+
+INVERT = [
+    "dse_real chi[STATES];",
+    "const enum dse_status status = invert(q, t, z, u, chi);",
+    "if (status != DSE_OK) {",
+    "    return status;",
+    "}",
+]
+
+
+def _field(form: NormalForm, build: Builder) -> CFunction:
+    e = form.shift(form.symbols.z) + form.rest
+    lines = build.body([("dz", e)], state="chi", before=INVERT)
+    lines.append(finite("dz", "STATES"))
+    return form_function(build, "field", "z dz", lines, "z' = A z + b(z, u)")
+
+
+def _jacobian(form: NormalForm, build: Builder) -> list[CFunction]:
+    s, plant = form.symbols, form.plant
+    names = ("q", "t", "chi", "u")
+    whole = build.body([("D", ca.jacobian(form.phi, s.x))], state="chi")
+    helper = CFunction(
+        f"static void map_slope({HELPER}D)",
+        [*unused(whole, names), *whole],
+        ["/* D = dPhi/dchi. */"],
+    )
+    largest = max(map(len, plant.blocks))
+    lines = [
+        "dse_real chi[STATES], D[STATES * STATES];",
+        f"dse_real X[STATES * {largest}], B[{largest} * STATES], BX[{largest * largest}];",
+        "int pivots[STATES];",
+        "if (i < 0 || i >= BLOCKS) {",
+        "    return DSE_EINVAL;",
+        "}",
+        *INVERT[1:],
+        "map_slope(q, t, chi, u, D);",
+        "if (!dse_all_finite(D, STATES * STATES) || dse_lu(STATES, D, pivots) != DSE_OK) {",
+        "    return DSE_EMODEL;",
+        "}",
+        "int first = 0;",
+        "for (int k = 0; k < i; k++) {",
+        "    first += block_sizes[k];",
+        "}",
+        "const int n_i = block_sizes[i];",
+        "for (int k = 0; k < STATES * n_i; k++) {",
+        "    X[k] = 0;",
+        "}",
+        "for (int k = 0; k < n_i; k++) {",
+        "    X[(first + k) * n_i + k] = 1;",
+        "}",
+        "dse_lu_solve(STATES, D, pivots, n_i, X);",
+        "switch (i) {",
+    ]
+    for i, block in enumerate(plant.blocks):
+        rows = list(block)
+        by_state, direct = (ca.jacobian(form.rest[rows], v) for v in (s.x, s.z[rows]))
+        last = "default" if i == len(plant.blocks) - 1 else f"case {i}"
+        body = build.body([("B", by_state), ("F", direct)], state="chi")
+        lines += [f"{last}: {{", *(f"    {line}" for line in [*body, "break;"]), "}"]
+    lines += [
+        "}",
+        "dse_mat_mul(n_i, STATES, n_i, B, X, BX);",
+        "for (int k = 0; k < n_i * n_i; k++) {",
+        "    F[k] += BX[k];",
+        "}",
+        "for (int k = 0; k + 1 < n_i; k++) {",
+        "    F[k * n_i + k + 1] += 1; /* A_i */",
+        "}",
+        "return dse_all_finite(F, n_i * n_i) ? DSE_OK : DSE_EMODEL;",
+    ]
+    return [
+        helper,
+        form_function(build, "jacobian", "z F", lines, "F = A_i + db_i/dz_i, other z_j frozen"),
+    ]
