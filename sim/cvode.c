@@ -47,7 +47,8 @@ static int jacobian(double t, N_Vector x, N_Vector dx, SUNMatrix J, void *user, 
     (void)dx, (void)tmp1, (void)tmp2, (void)tmp3;
     struct sim_cvode *cvode = user;
     const struct dse_model *model = &cvode->field->model;
-    if (model->dfdx(model, t, N_VGetArrayPointer(x), cvode->field->u, cvode->jacobian) != DSE_OK ||
+    const double *u = sim_field_inputs(cvode->field, t);
+    if (model->dfdx(model, t, N_VGetArrayPointer(x), u, cvode->jacobian) != DSE_OK ||
         !dse_all_finite(cvode->jacobian, model->nx * model->nx))
         return 1;
     for (int j = 0; j < model->nx; j++)
@@ -198,6 +199,9 @@ bool sim_cvode_integrate(struct sim_cvode *cvode, bool jumps, double t, double t
     if (flag == CV_SUCCESS && jumps)
         flag = CVodeSetStopTime(cvode->memory, t1);
     if (flag == CV_SUCCESS)
+        flag = CVode(cvode->memory, t1, cvode->x, &reached, CV_NORMAL);
+    /* a stop time of the call before, met again where this one begins */
+    if (flag == CV_TSTOP_RETURN && reached < t1)
         flag = CVode(cvode->memory, t1, cvode->x, &reached, CV_NORMAL);
     if (flag < 0) {
         cvode->fresh = true;

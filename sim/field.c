@@ -1,4 +1,4 @@
-/* The plant's right-hand side with held process noise, and what went wrong in it. */
+/* The plant's right-hand side with held process noise and its inputs, and what went wrong in it. */
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -26,11 +26,20 @@ static enum dse_status fail(struct sim_field *field, enum dse_status status, dou
     return status;
 }
 
+const double *sim_field_inputs(struct sim_field *field, double t)
+{
+    if (field->driver == NULL || !sim_driver_moves(field->driver))
+        return field->u;
+    memcpy(field->moved, field->u, (size_t)field->model.nu * sizeof *field->moved);
+    sim_driver_move(field->driver, t, field->moved);
+    return field->moved;
+}
+
 enum dse_status sim_field_rhs(void *context, double t, const double *x, double *dx)
 {
     struct sim_field *field = context;
     const struct dse_model *model = &field->model;
-    enum dse_status status = model->f(model, t, x, field->u, dx);
+    enum dse_status status = model->f(model, t, x, sim_field_inputs(field, t), dx);
     if (status != DSE_OK)
         return fail(field, status, t, -1);
     for (int j = 0; j < model->nx; j++) {

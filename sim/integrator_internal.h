@@ -5,12 +5,15 @@
 #include <stdbool.h>
 
 #include "dse/plant.h"
+#include "sim/drive.h"
 
 /* x' = f(t, x, u) + w, and the first thing that went wrong in it. */
 struct sim_field {
     struct dse_model model;
     const struct dse_plant *plant;
-    const double *u; /* nu */
+    const double *u;                 /* nu, held over a sample unless the driver moves them */
+    const struct sim_driver *driver; /* NULL: none */
+    double moved[DSE_PLANT_MAX_INPUTS];
     const double *w; /* nx, held over a sample */
 
     enum dse_status fault; /* of the latest failed evaluation */
@@ -21,6 +24,9 @@ struct sim_field {
 /* A dse_ode_rhs: dx = f(t, x, u) + w. DSE_ENONFINITE when a derivative is not finite, else what the
  * model answers; the fault is kept in the field. */
 enum dse_status sim_field_rhs(void *field, double t, const double *x, double *dx);
+
+/* u(t), nu; valid until the next call. */
+const double *sim_field_inputs(struct sim_field *field, double t);
 
 /* Appends what the latest fault was; nothing when there was none. */
 void sim_field_explain(const struct sim_field *field, char *text, int size);

@@ -14,7 +14,8 @@
 struct simulator {
     struct sim_field field;
     enum sim_integrator integrator;
-    struct sim_cvode *cvode; /* NULL with SIM_RK4 */
+    struct sim_cvode *cvode;   /* NULL with SIM_RK4 */
+    struct sim_driver *driver; /* NULL: constant inputs */
     double period;
     int64_t sample;
     struct sim_noise_source process;
@@ -23,6 +24,7 @@ struct simulator {
     double missing;
     double x[DSE_PLANT_MAX_STATES];
     double u[DSE_PLANT_MAX_INPUTS];
+    bool jumped;                    /* u at the latest sample is not where it was going */
     double w[DSE_PLANT_MAX_STATES]; /* of this sample */
     double y[DSE_PLANT_MAX_OUTPUTS];
     bool valid[DSE_PLANT_MAX_OUTPUTS];
@@ -89,15 +91,25 @@ static bool check_numbers(const struct sim_config *config, char *reason, int siz
                        size);
 }
 
-/* Sample k with the state x: y = h(t_k, x, u) + v_k, and w_k. Changes nothing when h fails. */
-static bool enter_sample(struct simulator *sim, int64_t k, const double *x, char *reason, int size)
+/* Whether the inputs of t_k differ from what the sample before ends with. */
+static bool inputs_jump(const struct simulator *sim, double t, const double *u)
+{
+    double expected[DSE_PLANT_MAX_INPUTS];
+    memcpy(expected, sim->u, sizeof expected);
+    sim_driver_move(sim->driver, t, expected);
+    for (int j = 0; j < sim->field.model.nu; j++)
+        if (dse_abs(u[j] - expected[j]) > 0)
+            return true;
+    return false;
+}
+
+/* y = h(t_k, x, u), finite. */
+static bool evaluate_outputs(struct simulator *sim, double t, const double *x, const double *u,
+                             double *y, char *reason, int size)
 {
     const struct dse_model *model = &sim->field.model;
-    double y[DSE_PLANT_MAX_OUTPUTS] = {0};
-    double v[DSE_PLANT_MAX_OUTPUTS];
-    double t = (double)k * sim->period;
     if (model->ny > 0) {
-        enum dse_status status = model->h(model, t, x, sim->u, y);
+        enum dse_status status = model->h(model, t, x, u, y);
         if (status != DSE_OK)
             return sim_reason(reason, size, "; the outputs: %s", dse_status_text(status));
     }
@@ -105,12 +117,34 @@ static bool enter_sample(struct simulator *sim, int64_t k, const double *x, char
         if (!dse_is_finite(y[j]))
             return sim_reason(reason, size, "; output %s is not finite",
                               sim->field.plant->outputs[j].name);
+    return true;
+}
+
+/* Sample k with the state x: inputs, y = h(t_k, x, u) + v_k, and w_k. Changes nothing when h
+ * fails. */
+static bool enter_sample(struct simulator *sim, int64_t k, const double *x, char *reason, int size)
+{
+    const struct dse_model *model = &sim->field.model;
+    double y[DSE_PLANT_MAX_OUTPUTS] = {0};
+    double v[DSE_PLANT_MAX_OUTPUTS];
+    double u[DSE_PLANT_MAX_INPUTS];
+    double t = (double)k * sim->period;
+    memcpy(u, sim->u, sizeof u);
+    if (sim->driver != NULL)
+        sim_driver_prescribe(sim->driver, k, u);
+    if (!evaluate_outputs(sim, t, x, u, y, reason, size))
+        return false;
     sim_noise_draw(&sim->process, sim->w);
     sim_noise_draw(&sim->measurement, v);
     for (int j = 0; j < model->ny; j++)
         sim->y[j] = y[j] + v[j];
     for (int j = 0; j < model->ny; j++)
         sim->valid[j] = dse_random_uniform(&sim->missing_stream[j]) >= sim->missing;
+    if (sim->driver != NULL) {
+        sim_driver_control(sim->driver, k, sim->y, sim->valid, u);
+        sim->jumped = inputs_jump(sim, t, u);
+    }
+    memcpy(sim->u, u, sizeof u);
     memmove(sim->x, x, (size_t)model->nx * sizeof *x);
     sim->sample = k;
     return true;
@@ -142,6 +176,22 @@ static bool create_cvode(struct simulator *sim, const struct sim_config *config,
     return sim->cvode != NULL || sim_reason(reason, size, "; CVODE cannot be set up");
 }
 
+static bool create_driver(struct simulator *sim, const struct sim_config *config, char *reason,
+                          int size)
+{
+    const struct dse_plant *plant = config->plant;
+    struct dse_normal_form form = {0};
+    if (config->n_drives == 0)
+        return true;
+    if (plant->normal_form != NULL)
+        plant->normal_form(config->prepared, &form);
+    sim->driver =
+        sim_driver_create(plant, plant->normal_form != NULL ? &form : NULL, sim->u, config->drives,
+                          config->n_drives, sim->period, config->seed, reason, size);
+    sim->field.driver = sim->driver;
+    return sim->driver != NULL;
+}
+
 static bool set_up(struct simulator *sim, const struct sim_config *config, char *reason, int size)
 {
     struct sim_field *field = &sim->field;
@@ -153,7 +203,8 @@ static bool set_up(struct simulator *sim, const struct sim_config *config, char 
         !check_numbers(config, reason, size))
         return false;
     copy_config(sim, config);
-    return (sim->integrator == SIM_RK4 || create_cvode(sim, config, reason, size)) &&
+    return create_driver(sim, config, reason, size) &&
+           (sim->integrator == SIM_RK4 || create_cvode(sim, config, reason, size)) &&
            enter_sample(sim, 0, sim->x, reason, size);
 }
 
@@ -176,6 +227,7 @@ void sim_destroy(struct simulator *sim)
     if (sim == NULL)
         return;
     sim_cvode_destroy(sim->cvode);
+    sim_driver_destroy(sim->driver);
     free(sim);
 }
 
@@ -227,9 +279,11 @@ static bool integrate(struct simulator *sim, double *x, char *reason, int size)
 {
     double t = sim_time(sim);
     double t1 = (double)(sim->sample + 1) * sim->period;
-    bool held = sim->process.distribution != SIM_NONE; /* then f + w jumps at every sample */
-    if (sim->integrator == SIM_RK4 ? !integrate_rk4(sim, t, x, reason, size)
-                                   : !sim_cvode_integrate(sim->cvode, held, t, t1, x, reason, size))
+    /* f + w jumps at every sample with held noise, and where an input does */
+    bool jumps = sim->process.distribution != SIM_NONE || sim->jumped;
+    if (sim->integrator == SIM_RK4
+            ? !integrate_rk4(sim, t, x, reason, size)
+            : !sim_cvode_integrate(sim->cvode, jumps, t, t1, x, reason, size))
         return false;
     for (int j = 0; j < sim->field.model.nx; j++)
         if (!dse_is_finite(x[j]))

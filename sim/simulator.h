@@ -1,10 +1,10 @@
-/* The true plant: integrates a dse_plant's model from sample to sample, adds process and
- * measurement noise. Knows nothing of estimators, messages or files.
+/* The true plant: integrates a dse_plant's model from sample to sample, drives its inputs, adds
+ * process and measurement noise. Knows nothing of estimators, messages or files.
  *
  *     x' = f(t, x, u) + w_k   for t_k <= t < t_(k+1),   t_k = k T_s
  *     y_k = h(t_k, x_k, u) + v_k
  *
- * w_k and v_k are drawn once per sample; same seed, same bits. */
+ * w_k and v_k are drawn once per sample; same seed, same bits. Inputs: sim/drive.h. */
 #ifndef DSE_SIM_SIMULATOR_H
 #define DSE_SIM_SIMULATOR_H
 
@@ -12,6 +12,7 @@
 #include <stdint.h>
 
 #include "dse/plant.h"
+#include "sim/drive.h"
 #include "sim/noise.h"
 
 enum sim_integrator {
@@ -20,11 +21,13 @@ enum sim_integrator {
 };
 
 struct sim_config {
-    const struct dse_plant *plant; /* must outlive the simulator, as prepared must */
-    const dse_real *prepared;      /* what plant->prepare made of the parameters */
-    const double *x0;              /* nx */
-    const double *u;               /* nu constant inputs, or NULL when nu = 0 */
-    double period;                 /* T_s in the plant's time unit, > 0 */
+    const struct dse_plant *plant;  /* must outlive the simulator, as prepared must */
+    const dse_real *prepared;       /* what plant->prepare made of the parameters */
+    const double *x0;               /* nx */
+    const double *u;                /* nu constant inputs, or NULL when nu = 0 */
+    const struct sim_drive *drives; /* inputs that are not constant */
+    int n_drives;
+    double period; /* T_s in the plant's time unit, > 0 */
     enum sim_integrator integrator;
     double rtol;                  /* CVODE, >= 0; 0: 1e-10 */
     double atol;                  /* CVODE, >= 0; 0: 1e-12; multiplied by each state's scale */
@@ -45,8 +48,10 @@ void sim_destroy(struct simulator *sim);
 /* Sample k (0 at first) and its time k T_s. */
 int64_t sim_sample(const struct simulator *sim);
 double sim_time(const struct simulator *sim);
-const double *sim_state(const struct simulator *sim);  /* nx, at t_k */
-const double *sim_input(const struct simulator *sim);  /* nu */
+const double *sim_state(const struct simulator *sim); /* nx, at t_k */
+/* nu, from t_k on: held to the next sample unless a sinusoid goes on. y_k is measured with what is
+ * prescribed for t_k, but before the loops have acted on it. */
+const double *sim_input(const struct simulator *sim);
 const double *sim_output(const struct simulator *sim); /* ny, with the measurement noise */
 /* ny: false where the value is missing at this sample. */
 const bool *sim_output_valid(const struct simulator *sim);
