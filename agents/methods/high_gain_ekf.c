@@ -262,7 +262,7 @@ static enum dse_status finish(void *self, struct method_estimate *estimate)
     estimate->diagnostic[DIAGNOSTIC_THETA] = (double)dse_high_gain_ekf_theta(filter);
     estimate->diagnostic[DIAGNOSTIC_J] = (double)dse_high_gain_ekf_innovation(filter);
     estimate->diagnostic[DIAGNOSTIC_J_SUM] = (double)dse_high_gain_ekf_drive(filter);
-    estimate->diagnostic[DIAGNOSTIC_INNOVATION] = (double)dse_high_gain_ekf_output_error(filter);
+    estimate->diagnostic[DIAGNOSTIC_INNOVATION] = (double)dse_high_gain_ekf_output_error(filter)[0];
     estimate->health = dse_high_gain_ekf_health(filter);
     return status;
 }

@@ -47,15 +47,37 @@ static dse_real power(dse_real base, int exponent)
     return result;
 }
 
-void dse_high_gain_weights(enum dse_high_gain_scaling scaling, int n_i, int n_max, dse_real theta,
-                           dse_real R, const dse_real *Q, dse_real *R_th, dse_real *Q_th)
+/* Exponent of theta in Theta_i^-1 for state r of a block of m chains: n* - n_l + position in its
+ * chain l, so that a single chain has n* - n_i, ..., n* - 1. */
+static int exponent_of(int m, const int *chains, int n_max, int r)
 {
-    const int shift = scaling == DSE_HIGH_GAIN_FULL ? n_max - n_i : 0;
-    *R_th = R * power(theta, 2 * shift) / theta;
+    int l = 0;
+    while (l + 1 < m && r >= chains[l]) {
+        r -= chains[l++];
+    }
+    return n_max - chains[l] + r;
+}
+
+void dse_high_gain_weights(enum dse_high_gain_scaling scaling, int m, const int *chains, int n_max,
+                           dse_real theta, const dse_real *R, const dse_real *Q, dse_real *R_th,
+                           dse_real *Q_th)
+{
+    const bool full = scaling == DSE_HIGH_GAIN_FULL;
+    int n_i = 0;
+    for (int l = 0; l < m; l++) {
+        n_i += chains[l];
+    }
+    for (int a = 0; a < m; a++) {
+        for (int b = 0; b < m; b++) {
+            const int exponent = full ? 2 * n_max - chains[a] - chains[b] : 0;
+            R_th[a * m + b] = R[a * m + b] * power(theta, exponent) / theta;
+        }
+    }
     for (int r = 0; r < n_i; r++) {
         for (int c = 0; c < n_i; c++) {
             /* full: Theta_i^-1 = diag(theta^{n*-n_i}, ..., theta^{n*-1}) on both sides */
-            const int exponent = scaling == DSE_HIGH_GAIN_FULL ? 2 * shift + r + c : 0;
+            const int exponent =
+                full ? exponent_of(m, chains, n_max, r) + exponent_of(m, chains, n_max, c) : 0;
             Q_th[r * n_i + c] = theta * power(theta, exponent) * Q[r * n_i + c];
         }
     }

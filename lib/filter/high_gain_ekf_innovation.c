@@ -13,10 +13,16 @@
 #include "dse/math.h"
 #include "dse/ode.h"
 
-/* Slot s: the predicted physical state (n), then the accumulated squares. */
-static dse_real *slot_at(const struct dse_high_gain_ekf *filter, int s)
+/* Slot s: the predicted physical state, and its accumulated squares. The states lie side by side.
+ */
+static dse_real *state_at(const struct dse_high_gain_ekf *filter, int s)
 {
-    return filter->ring + s * (filter->n + 1);
+    return filter->ring + s * filter->n;
+}
+
+static dse_real *squares_at(const struct dse_high_gain_ekf *filter, int s)
+{
+    return filter->ring + (filter->config->horizon + 1) * filter->n + s;
 }
 
 /* Index of the prediction that began N_d ticks ago, or at the start. */
@@ -26,19 +32,20 @@ static int oldest(const struct dse_high_gain_ekf *filter)
     return filter->slot < horizon ? 0 : (int)((filter->slot - horizon) % (horizon + 1));
 }
 
-/* (y_i - h_i(chi))^2 at t_k; a missing sample contributes nothing. */
+/* |y_i - h_i(chi)|^2 at t_k; what is missing contributes nothing. */
 static enum dse_status squared_error(struct dse_high_gain_ekf *filter, const dse_real *chi,
                                      dse_real *e2)
 {
     const struct dse_model *model = filter->config->model;
     *e2 = 0;
-    if (!filter->has_y) {
+    if (filter->q == 0) {
         return DSE_OK;
     }
     const enum dse_status status = model->h(model, filter->t, chi, filter->u, filter->y_all);
-    if (status == DSE_OK) {
-        const dse_real e = filter->y - filter->y_all[filter->config->i];
-        *e2 = e * e;
+    for (int a = 0; a < filter->q && status == DSE_OK; a++) {
+        const int l = filter->chosen[a];
+        const dse_real e = filter->y[l] - filter->y_all[filter->first_output + l];
+        *e2 += e * e;
     }
     return status;
 }
@@ -49,38 +56,68 @@ enum dse_status dse_high_gain_innovation(struct dse_high_gain_ekf *filter)
     if (filter->config->horizon == 0 || filter->slot == 0) {
         return DSE_OK;
     }
-    const dse_real *slot = slot_at(filter, oldest(filter));
+    const int s = oldest(filter);
     dse_real e2;
-    const enum dse_status status = squared_error(filter, slot, &e2);
+    const enum dse_status status = squared_error(filter, state_at(filter, s), &e2);
     if (status != DSE_OK) {
         return status;
     }
     /* trapezoid rule: the last sample counts half */
-    const dse_real J = slot[filter->n] + DSE_REAL(0.5) * filter->config->period * e2;
+    const dse_real J = *squares_at(filter, s) + DSE_REAL(0.5) * filter->config->period * e2;
     /* a square beyond the number range stays a number, so that it can be sent and summed */
     filter->J_own = dse_min(J, DSE_REAL_MAX / (dse_real)filter->p);
     return DSE_OK;
 }
 
-/* chi' = f(t, chi, u(t)) */
+/* Predictions that are stepped together. */
+struct lanes {
+    struct dse_high_gain_ekf *filter;
+    int count;
+};
+
+/* chi' = f(t, chi, u(t)) in each lane */
 static enum dse_status plant(void *context, dse_real t, const dse_real *chi, dse_real *dchi)
 {
-    const struct dse_high_gain_ekf *filter = context;
+    const struct lanes *lanes = context;
+    const struct dse_high_gain_ekf *filter = lanes->filter;
     const struct dse_model *model = filter->config->model;
     const dse_real *u = dse_high_gain_inputs(filter->u, filter->du, filter->moving, model->nu,
                                              t - filter->t, filter->u_stage);
-    return model->f(model, t, chi, u, dchi);
+    if (model->f_many != NULL && lanes->count > 1) {
+        return model->f_many(model, t, lanes->count, chi, u, dchi);
+    }
+    enum dse_status status = DSE_OK;
+    for (int l = 0; l < lanes->count && status == DSE_OK; l++) {
+        status = model->f(model, t, chi + l * model->nx, u, dchi + l * model->nx);
+    }
+    return status;
 }
 
-/* One step of a prediction. From a bad start the open-loop model may leave the region where it can
- * be evaluated (4.1 of the spec: the 4-CSTR ignites); then the prediction stands still: it goes on
- * to disagree with y, which is all that it is asked for. */
-static void predict(struct dse_high_gain_ekf *filter, dse_real *slot)
+/* A step that fails or is not finite leaves the states where they were. */
+static enum dse_status step(struct dse_high_gain_ekf *filter, int s, int count)
 {
-    /* a step that fails or is not finite leaves the state where it was */
-    if (dse_rk4_step(plant, filter, filter->t, filter->config->period, filter->n, slot,
-                     filter->rk) != DSE_OK) {
-        filter->counters.frozen_predictions++;
+    struct lanes lanes = {filter, count};
+    return dse_rk4_step(plant, &lanes, filter->t, filter->config->period, count * filter->n,
+                        state_at(filter, s), filter->rk);
+}
+
+/* One step of the predictions first..end-1, several at a time: their arithmetic is independent, and
+ * what a processor waits for in one it does in the others. The bits are those of single steps.
+ *
+ * From a bad start the open-loop model may leave the region where it can be evaluated (4.1 of the
+ * spec: the 4-CSTR ignites); then that prediction stands still: it goes on to disagree with y,
+ * which is all that it is asked for. */
+static void predict(struct dse_high_gain_ekf *filter, int first, int end)
+{
+    for (int s = first; s < end; s += DSE_HIGH_GAIN_EKF_LANES) {
+        const int left = end - s;
+        const int count = left < DSE_HIGH_GAIN_EKF_LANES ? left : DSE_HIGH_GAIN_EKF_LANES;
+        if (step(filter, s, count) == DSE_OK) {
+            continue;
+        }
+        for (int l = s; l < s + count; l++) {
+            filter->counters.frozen_predictions += step(filter, l, 1) != DSE_OK;
+        }
     }
 }
 
@@ -90,8 +127,9 @@ enum dse_status dse_high_gain_advance_predictions(struct dse_high_gain_ekf *filt
     const int horizon = filter->config->horizon;
     const int fresh = (int)(filter->slot % (horizon + 1));
     const bool full = filter->slot >= horizon;
-    const int finished = full ? oldest(filter) : -1; /* read in this tick, restarts in the next */
     const int live = full ? horizon + 1 : (int)filter->slot + 1;
+    /* read in this tick, restarts in the next */
+    const int finished = full ? oldest(filter) : live;
     const dse_real h = filter->config->period;
     dse_real e2;
 
@@ -100,22 +138,19 @@ enum dse_status dse_high_gain_advance_predictions(struct dse_high_gain_ekf *filt
     if (status != DSE_OK) {
         return status;
     }
-    dse_real *restarted = slot_at(filter, fresh);
+    dse_real *restarted = state_at(filter, fresh);
     for (int k = 0; k < filter->n; k++) {
         restarted[k] = chi[k];
     }
-    restarted[filter->n] = DSE_REAL(0.5) * h * e2;
+    *squares_at(filter, fresh) = DSE_REAL(0.5) * h * e2;
 
     for (int s = 0; s < live; s++) {
-        dse_real *slot = slot_at(filter, s);
-        if (s == finished) {
-            continue;
+        if (s != fresh && s != finished) {
+            status = squared_error(filter, state_at(filter, s), &e2);
+            *squares_at(filter, s) += status == DSE_OK ? h * e2 : 0;
         }
-        if (s != fresh) {
-            status = squared_error(filter, slot, &e2);
-            slot[filter->n] += status == DSE_OK ? h * e2 : 0;
-        }
-        predict(filter, slot);
     }
+    predict(filter, 0, finished);
+    predict(filter, finished + 1, live);
     return DSE_OK;
 }

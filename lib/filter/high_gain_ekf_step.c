@@ -11,31 +11,6 @@
 static const dse_real node[4] = {0, DSE_REAL(0.5), DSE_REAL(0.5), 1};
 static const dse_real weight[4] = {1, 2, 2, 1};
 
-const dse_real *dse_high_gain_inputs(const dse_real *u, const dse_real *du, bool moving, int nu,
-                                     dse_real dt, dse_real *u_stage)
-{
-    if (!moving) {
-        return u;
-    }
-    for (int k = 0; k < nu; k++) {
-        u_stage[k] = u[k] + dt * du[k];
-    }
-    return u_stage;
-}
-
-enum dse_status dse_high_gain_decode(const struct dse_high_gain_ekf *filter, dse_real t,
-                                     const dse_real *x, const dse_real *u, dse_real *chi)
-{
-    const struct dse_normal_form *form = filter->config->form;
-    if (filter->config->coords == DSE_HIGH_GAIN_NORMAL) {
-        return form->decode(form, t, x, u, chi);
-    }
-    for (int k = 0; k < filter->n; k++) {
-        chi[k] = x[k];
-    }
-    return DSE_OK;
-}
-
 void dse_high_gain_first_stage(struct dse_high_gain_ekf *filter)
 {
     for (int k = 0; k < filter->n; k++) {
@@ -62,81 +37,50 @@ static enum dse_status own_block(struct dse_high_gain_ekf *filter, dse_real t, c
     return status;
 }
 
-/* Vector field kx, Jacobian F of block i and predicted output at the stage's point. */
-static enum dse_status linearise(struct dse_high_gain_ekf *filter, dse_real t, const dse_real *u,
-                                 dse_real *y_hat)
+/* Jacobian F of the own block in normal coordinates, at z. */
+static enum dse_status normal_block(struct dse_high_gain_ekf *filter, dse_real t, const dse_real *z,
+                                    const dse_real *u)
 {
-    const struct dse_high_gain_ekf_config *config = filter->config;
-    const struct dse_normal_form *form = config->form;
-    const struct dse_model *model = config->model;
-    enum dse_status status;
-
-    *y_hat = filter->xs[filter->offset]; /* C_i = [1 0 ...] */
-    switch (config->coords) {
-    case DSE_HIGH_GAIN_NORMAL:
-        status = form->field(form, t, filter->xs, u, filter->kx);
-        return status != DSE_OK ? status
-                                : form->jacobian(form, config->i, t, filter->xs, u, filter->F);
-    case DSE_HIGH_GAIN_MAPPED:
-        status = model->f(model, t, filter->xs, u, filter->kx);
-        if (status == DSE_OK) {
-            status = form->encode(form, t, filter->xs, u, filter->z);
-            *y_hat = filter->z[filter->offset];
-        }
-        return status != DSE_OK ? status
-                                : form->jacobian(form, config->i, t, filter->z, u, filter->F);
-    case DSE_HIGH_GAIN_PHYSICAL:
-        status = model->f(model, t, filter->xs, u, filter->kx);
-        return status != DSE_OK ? status : own_block(filter, t, u);
-    }
-    return DSE_EINVAL;
+    const struct dse_normal_form *form = filter->config->form;
+    return filter->config->whole ? form->field_jacobian(form, t, z, u, filter->F)
+                                 : form->jacobian(form, filter->config->i, t, z, u, filter->F);
 }
 
-/* kx_i += K_i e with K_i = P_i C_i' / R_th; mapped coordinates: M_i^-1 K_i e. */
-static enum dse_status correct(struct dse_high_gain_ekf *filter, dse_real t, const dse_real *u,
-                               dse_real e)
+/* Vector field kx and Jacobian F of block i at the stage's point; z: the point in the coordinates
+ * of the Riccati equation, whose chains begin with the outputs. */
+static enum dse_status linearise(struct dse_high_gain_ekf *filter, dse_real t, const dse_real *u,
+                                 const dse_real **z)
 {
-    const struct dse_high_gain_ekf_config *config = filter->config;
-    const struct dse_normal_form *form = config->form;
-    const int n_i = filter->n_i;
+    const struct dse_normal_form *form = filter->config->form;
+    enum dse_status status = dse_high_gain_field(filter, t, filter->xs, u, filter->kx);
 
-    for (int r = 0; r < n_i; r++) {
-        filter->K[r] = filter->Ps[r * n_i] / filter->R_th * e;
+    *z = filter->xs;
+    if (filter->config->coords == DSE_HIGH_GAIN_PHYSICAL) {
+        return status != DSE_OK ? status : own_block(filter, t, u);
     }
-    if (config->coords == DSE_HIGH_GAIN_MAPPED) {
-        enum dse_status status = form->map_jacobian(form, config->i, t, filter->xs, u, filter->M);
-        if (status == DSE_OK) {
-            status = dse_lu(n_i, filter->M, filter->pivots);
-        }
+    if (filter->config->coords == DSE_HIGH_GAIN_MAPPED) {
+        status = status != DSE_OK ? status : form->encode(form, t, filter->xs, u, filter->z);
+        *z = filter->z;
+    }
+    return status != DSE_OK ? status : normal_block(filter, t, *z, u);
+}
+
+/* kx_i += K_i e with K_i = P_i C_i' R_th^-1; mapped coordinates: M_i^-1 K_i e. */
+static enum dse_status correct(struct dse_high_gain_ekf *filter, dse_real t, const dse_real *u)
+{
+    dse_high_gain_correction(filter);
+    if (filter->config->coords == DSE_HIGH_GAIN_MAPPED) {
+        enum dse_status status = dse_high_gain_map(filter, t, filter->xs, u);
+        status = status != DSE_OK ? status : dse_lu(filter->n_i, filter->M, filter->pivots);
         if (status != DSE_OK) {
             return status;
         }
-        dse_lu_solve(n_i, filter->M, filter->pivots, 1, filter->K);
+        dse_lu_solve(filter->n_i, filter->M, filter->pivots, 1, filter->K);
     }
-    for (int r = 0; r < n_i; r++) {
+    for (int r = 0; r < filter->n_i; r++) {
         filter->kx[filter->offset + r] += filter->K[r];
     }
     return DSE_OK;
-}
-
-/* P' = F P + P F' + Q_th - P C' R_th^-1 C P   (A.28); without a measurement the last term is not
- * there. Entries (r, c) and (c, r) are sums and products of the same numbers, so that P stays
- * symmetric to the last bit. */
-static void riccati(struct dse_high_gain_ekf *filter)
-{
-    const int n_i = filter->n_i;
-    const dse_real *P = filter->Ps;
-    const dse_real *FP = filter->FP;
-    const dse_real information = filter->has_y ? 1 / filter->R_th : 0;
-
-    dse_mat_mul(n_i, n_i, n_i, filter->F, P, filter->FP);
-    for (int r = 0; r < n_i; r++) {
-        for (int c = 0; c < n_i; c++) {
-            filter->kP[r * n_i + c] = FP[r * n_i + c] + FP[c * n_i + r] +
-                                      filter->Q_th[r * n_i + c] -
-                                      P[r * n_i] * P[c * n_i] * information;
-        }
-    }
 }
 
 /* Blocks j /= i stand still between messages. */
@@ -149,6 +93,30 @@ static void hold_neighbours(struct dse_high_gain_ekf *filter)
     }
 }
 
+/* Blocks j /= i go as the predictor's own model says. */
+static enum dse_status predict_neighbours(struct dse_high_gain_ekf *filter, dse_real t,
+                                          const dse_real *u)
+{
+    dse_real *dx = filter->rk;
+    const enum dse_status status = dse_high_gain_predictor_field(filter, t, filter->xs, u, dx);
+    for (int k = 0; k < filter->n && status == DSE_OK; k++) {
+        if (k < filter->offset || k >= filter->offset + filter->n_i) {
+            filter->kx[k] = dx[k];
+        }
+    }
+    return status;
+}
+
+static void keep_output_errors(struct dse_high_gain_ekf *filter)
+{
+    for (int l = 0; l < filter->m; l++) {
+        filter->output_error[l] = 0;
+    }
+    for (int a = 0; a < filter->q; a++) {
+        filter->output_error[filter->chosen[a]] = filter->e[a];
+    }
+}
+
 enum dse_status dse_high_gain_stage(struct dse_high_gain_ekf *filter, int s)
 {
     const struct dse_high_gain_ekf_config *config = filter->config;
@@ -157,25 +125,28 @@ enum dse_status dse_high_gain_stage(struct dse_high_gain_ekf *filter, int s)
     const dse_real *u = dse_high_gain_inputs(filter->u, filter->du, filter->moving,
                                              config->form->nu, node[s] * h, filter->u_stage);
     const int n_P = filter->n_i * filter->n_i;
-    dse_real y_hat;
+    const dse_real *z;
 
-    enum dse_status status = linearise(filter, t, u, &y_hat);
+    enum dse_status status = linearise(filter, t, u, &z);
     if (status != DSE_OK) {
         return status;
     }
+    dse_high_gain_output_errors(filter, z + filter->offset);
     if (s == 0) {
-        filter->output_error = filter->has_y ? filter->y - y_hat : 0;
+        keep_output_errors(filter);
     }
-    if (filter->has_y) {
-        status = correct(filter, t, u, filter->y - y_hat);
-        if (status != DSE_OK) {
-            return status;
-        }
+    if (filter->q > 0) {
+        status = correct(filter, t, u);
     }
     if (config->predictor == DSE_HIGH_GAIN_HOLD) {
         hold_neighbours(filter);
+    } else if (config->predictor_model != NULL && status == DSE_OK) {
+        status = predict_neighbours(filter, t, u);
     }
-    riccati(filter);
+    if (status != DSE_OK) {
+        return status;
+    }
+    dse_high_gain_riccati(filter);
 
     dse_axpy(filter->n, weight[s], filter->kx, filter->sx);
     dse_axpy(n_P, weight[s], filter->kP, filter->sP);

@@ -187,6 +187,84 @@ static enum dse_status map_jacobian(const struct dse_normal_form *form, int i, d
     return DSE_OK;
 }
 
+/* dT_i = dT_i, dTdot_i = sum_j a_ij dT_j + R_h' C_i dT_i + R_h dC_i */
+static enum dse_status push(const struct dse_normal_form *form, dse_real t, const dse_real *chi,
+                            const dse_real *u, const dse_real *dchi, dse_real *dz)
+{
+    const struct dse_cstr_network *network = form->parameters;
+    (void)t;
+    if (dse_cstr_inputs(form->nu, &u) != DSE_OK) {
+        return DSE_EINVAL;
+    }
+    for (int i = 0; i < form->p; i++) {
+        struct dse_cstr_kinetics kinetics;
+        if (dse_cstr_kinetics(network, chi[2 * i], &kinetics) != DSE_OK) {
+            return DSE_EMODEL;
+        }
+        dse_real sum = kinetics.dRh * chi[2 * i + 1] * dchi[2 * i] + kinetics.Rh * dchi[2 * i + 1];
+        for (int j = 0; j < form->p; j++) {
+            sum += dse_cstr_a(network, u, i, j) * dchi[2 * j];
+        }
+        dz[2 * i] = dchi[2 * i];
+        dz[2 * i + 1] = sum;
+    }
+    return DSE_OK;
+}
+
+/* dC_m/dz_l1 = -(a_ml + [m = l] R_h' C_m)/R_h(T_m) */
+static dse_real concentration_slope(const struct dse_cstr_network *network, const dse_real *u,
+                                    const struct point *point, int m, int l)
+{
+    const struct dse_cstr_kinetics *kinetics = &point->kinetics[m];
+    const dse_real own = m == l ? kinetics->dRh * point->C[m] : 0;
+    return -(dse_cstr_a(network, u, m, l) + own) / kinetics->Rh;
+}
+
+/* Derivatives of b_i2 with respect to z_l1 and z_l2. */
+static void last_row(const struct dse_normal_form *form, const dse_real *u, const dse_real *z,
+                     const struct point *point, int i, int l, dse_real *db)
+{
+    const struct dse_cstr_network *network = form->parameters;
+    const struct dse_cstr_kinetics *kinetics = &point->kinetics[i];
+    const dse_real own = i == l ? 1 : 0;
+    const dse_real a_il = dse_cstr_a(network, u, i, l);
+    const dse_real dC = concentration_slope(network, u, point, i, l);
+    /* dCdot_i/dz_l1 = sum_j a_ij dC_j/dz_l1 - r_i dC_i/dz_l1 - [i = l] r_i' C_i */
+    dse_real dCdot = -kinetics->r * dC - own * kinetics->dr * point->C[i];
+    for (int j = 0; j < form->p; j++) {
+        dCdot += dse_cstr_a(network, u, i, j) * concentration_slope(network, u, point, j, l);
+    }
+    const dse_real rate =
+        u == NULL ? 0 : network->per_feed.a[i][l] * u[DSE_CSTR_FEED_RATE]; /* da_il/dt */
+    db[0] = own * (kinetics->ddRh * point->C[i] * z[2 * i + 1] + kinetics->dRh * point->Cdot[i]) +
+            kinetics->dRh * z[2 * i + 1] * dC + kinetics->Rh * dCdot + rate;
+    /* dC_l/dz_l2 = 1/R_h(T_l) */
+    db[1] = a_il + kinetics->Rh * (a_il - own * kinetics->r) / point->kinetics[l].Rh +
+            own * kinetics->dRh * (point->C[i] + z[2 * i + 1] / kinetics->Rh);
+}
+
+static enum dse_status field_jacobian(const struct dse_normal_form *form, dse_real t,
+                                      const dse_real *z, const dse_real *u, dse_real *F)
+{
+    struct point point;
+    (void)t;
+    if (dse_cstr_inputs(form->nu, &u) != DSE_OK) {
+        return DSE_EINVAL;
+    }
+    if (decode_point(form, z, u, &point) != DSE_OK) {
+        return DSE_EMODEL;
+    }
+    for (int i = 0; i < form->p; i++) {
+        dse_real *shift = F + 2 * i * form->n;
+        for (int l = 0; l < form->p; l++) {
+            shift[2 * l] = 0;
+            shift[2 * l + 1] = l == i ? 1 : 0;
+            last_row(form, u, z, &point, i, l, shift + form->n + 2 * l);
+        }
+    }
+    return DSE_OK;
+}
+
 static const int block_sizes[DSE_CSTR_NETWORK_MAX] = {2, 2, 2, 2};
 /* input 1 is the derivative of input 0 */
 static const int feed_rates[DSE_CSTR_INPUTS] = {DSE_CSTR_FEED_RATE, -1};
@@ -204,5 +282,7 @@ void dse_cstr_network_normal_form(const dse_real *prepared, int reactors, int nu
                                      .decode = decode,
                                      .field = field,
                                      .jacobian = jacobian,
-                                     .map_jacobian = map_jacobian};
+                                     .map_jacobian = map_jacobian,
+                                     .push = push,
+                                     .field_jacobian = field_jacobian};
 }

@@ -103,7 +103,7 @@ static void full_weights_satisfy_the_scaling_identities(void **state)
                 q[r * n_i + c] = Q[r * 3 + c];
             }
         }
-        dse_high_gain_weights(DSE_HIGH_GAIN_FULL, n_i, N_MAX, theta, R, q, &R_th, Q_th);
+        dse_high_gain_weights(DSE_HIGH_GAIN_FULL, 1, &n_i, N_MAX, theta, &R, q, &R_th, Q_th);
         assert_near(inverse[0] * inverse[0] / R_th, theta / R, TOLERANCE(1e-12, 1e-4));
         for (int r = 0; r < n_i; r++) {
             for (int c = 0; c < n_i; c++) {
@@ -117,13 +117,14 @@ static void full_weights_satisfy_the_scaling_identities(void **state)
 static void scalings_agree_at_theta_one_and_plain_is_proportional(void **state)
 {
     (void)state;
-    const dse_real Q[4] = {5, 1, 1, 6};
+    const dse_real Q[4] = {5, 1, 1, 6}, R = 3;
+    const int chain = 2;
     dse_real R_full, R_plain, full[4], plain[4];
-    dse_high_gain_weights(DSE_HIGH_GAIN_FULL, 2, 4, 1, 3, Q, &R_full, full);
-    dse_high_gain_weights(DSE_HIGH_GAIN_PLAIN, 2, 4, 1, 3, Q, &R_plain, plain);
+    dse_high_gain_weights(DSE_HIGH_GAIN_FULL, 1, &chain, 4, 1, &R, Q, &R_full, full);
+    dse_high_gain_weights(DSE_HIGH_GAIN_PLAIN, 1, &chain, 4, 1, &R, Q, &R_plain, plain);
     assert_near(R_full, R_plain, 0);
     assert_memory_equal(full, plain, sizeof full);
-    dse_high_gain_weights(DSE_HIGH_GAIN_PLAIN, 2, 4, 8, 3, Q, &R_plain, plain);
+    dse_high_gain_weights(DSE_HIGH_GAIN_PLAIN, 1, &chain, 4, 8, &R, Q, &R_plain, plain);
     assert_near(R_plain, DSE_REAL(0.375), 0);
     for (int k = 0; k < 4; k++) {
         assert_near(plain[k], 8 * Q[k], 0);
@@ -1135,9 +1136,10 @@ static void filter_without_measurements_coasts_on_the_model(void **state)
     network.blind[0] = true;
     dse_real P[4], F[4], FP[4];
     memcpy(P, dse_high_gain_ekf_covariance(f), sizeof P);
-    const dse_real J = f->ring[f->n]; /* accumulated squares of slot 0 */
+    const dse_real *squares = f->ring + (HORIZON + 1) * f->n;
+    const dse_real J = squares[0]; /* of slot 0 */
     tick(&network);
-    assert_near(f->ring[f->n], J, 0);
+    assert_near(squares[0], J, 0);
     assert_int_equal(network.form.jacobian(&network.form, 0, 0, f->x, NULL, F), DSE_OK);
     for (int s = 0; s < 1000; s++) {
         dse_mat_mul(2, 2, 2, F, P, FP);
@@ -1150,7 +1152,7 @@ static void filter_without_measurements_coasts_on_the_model(void **state)
     }
     assert_int_equal(dse_high_gain_ekf_health(f), DSE_HEALTH_COASTING);
     assert_int_equal(dse_high_gain_ekf_counters(f)->missing_measurements, 2);
-    assert_near(dse_high_gain_ekf_output_error(f), 0, 0);
+    assert_near(dse_high_gain_ekf_output_error(f)[0], 0, 0);
     network.blind[0] = false;
     tick(&network);
     assert_int_equal(dse_high_gain_ekf_health(f), DSE_HEALTH_TRACKING);
@@ -1346,7 +1348,7 @@ static void impossible_configurations_are_refused(void **state)
     REFUSES(DSE_EINVAL, config.scaling = (enum dse_high_gain_scaling)2);
     REFUSES(DSE_EINVAL, config.gain = (enum dse_high_gain_gain)3);
     REFUSES(DSE_EINVAL, config.innovation = (enum dse_high_gain_innovation)2);
-    REFUSES(DSE_EINVAL, config.communication = (enum dse_high_gain_communication)3);
+    REFUSES(DSE_EINVAL, config.communication = (enum dse_high_gain_communication)4);
     REFUSES(DSE_EINVAL, config.predictor = (enum dse_high_gain_predictor)2);
     REFUSES(DSE_EINVAL, config.communication = DSE_HIGH_GAIN_STAGES; config.comm_every_ticks = 2);
     REFUSES(DSE_EINVAL, config.communication = DSE_HIGH_GAIN_STAGES;

@@ -35,6 +35,10 @@ struct dse_model {
     /* H (ny x nx) = dh/dx. NULL: the model offers no Jacobian. */
     enum dse_status (*dhdx)(const struct dse_model *model, dse_real t, const dse_real *x,
                             const dse_real *u, dse_real *H);
+    /* dx (count x nx) at `count` states x (count x nx), each with the bits of f: for many
+     * predictions side by side. Fails when f fails at one of them. NULL: f is called for each. */
+    enum dse_status (*f_many)(const struct dse_model *model, dse_real t, int count,
+                              const dse_real *x, const dse_real *u, dse_real *dx);
 };
 
 /* A sample of the outputs as it comes from life: any channel may be missing. */

@@ -4,6 +4,9 @@
  *     z_i = Phi_i(chi) = [h_i, L_f h_i, ..., L_f^{n_i-1} h_i]
  *     z_i' = A_i z_i + b_i(z, u),    y_i = C_i z_i
  *
+ * A block with several outputs has one such chain for each, one behind the other: A_i is block
+ * diagonal and C_i picks the first entry of every chain (eq 3.6).
+ *
  * chi is the physical state, z the stacked coordinates (same total dimension n), L_f the Lie
  * derivative along the whole vector field. A_i is the upper shift matrix, C_i the first unit row.
  *
@@ -19,9 +22,13 @@
 
 struct dse_normal_form {
     int n;          /* states of the whole plant, sum of n_i */
-    int p;          /* subsystems = outputs of the form */
+    int p;          /* subsystems */
     const int *n_i; /* p block dimensions, subsystem-major stacking in z and chi */
-    int nu;         /* known inputs, as in the plant's model; u may be NULL when 0 */
+    /* p: outputs of each block, which are the model's outputs in this order. NULL: one each. */
+    const int *n_outputs;
+    /* Lengths of all chains, block by block; those of block i sum to n_i. NULL: one chain each. */
+    const int *chains;
+    int nu; /* known inputs, as in the plant's model; u may be NULL when 0 */
     /* nu entries: rates[j] is the index of the input that is the time derivative of input j, or -1
      * for one that is held. NULL: all are held. */
     const int *rates;
@@ -43,6 +50,16 @@ struct dse_normal_form {
     /* M (n_i x n_i) = dPhi_i / dchi_i at chi, own block only. */
     enum dse_status (*map_jacobian)(const struct dse_normal_form *form, int i, dse_real t,
                                     const dse_real *chi, const dse_real *u, dse_real *M);
+
+    /* Optional, NULL where the plant does not offer it. */
+
+    /* dz (n) = (dPhi/dchi) dchi at chi: what a change of the physical state does to the
+     * coordinates. Needed by a predictor with a model of its own in normal coordinates. */
+    enum dse_status (*push)(const struct dse_normal_form *form, dse_real t, const dse_real *chi,
+                            const dse_real *u, const dse_real *dchi, dse_real *dz);
+    /* F (n x n) = d(A z + b(z, u))/dz. Needed by a centralised filter. */
+    enum dse_status (*field_jacobian)(const struct dse_normal_form *form, dse_real t,
+                                      const dse_real *z, const dse_real *u, dse_real *F);
 };
 
 #endif

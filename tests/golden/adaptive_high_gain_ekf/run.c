@@ -7,11 +7,21 @@
 #include "dse/ode.h"
 #include "golden.h"
 
-enum { MAX_P = 4, MAX_N = 2 * MAX_P, MAX_HORIZON = 200, MAX_ROWS = 256 };
+enum {
+    MAX_P = 4,
+    MAX_N = 2 * MAX_P,
+    MAX_HORIZON = 200,
+    MAX_ROWS = 256,
+    MAX_DELAY = 8,
+    MAX_EVERY = 60,
+    MAX_INSTANTS = 1024,
+    MAX_SENT = 4096
+};
 
 struct run {
     struct golden_plant plant;
-    int n, p, continuous;
+    int n, p, continuous, every;
+    double tolerance;
     double period;
     double x[MAX_N]; /* the plant */
     double *W, *V;   /* stored noise, or NULL */
@@ -21,23 +31,35 @@ struct run {
     double blocks[MAX_P][4];     /* Q_i */
     struct dse_high_gain_ekf_config config[MAX_P];
     struct dse_high_gain_ekf filter[MAX_P];
+    /* the network */
+    int D;              /* largest delay, -1: no network is given */
+    double *delays;     /* [i][j][stamp], -1: lost */
+    int stamps, n_ages; /* of the sequences; recorded instants */
+    struct dse_line line[MAX_P][MAX_P];
+    double H[MAX_N]; /* weights of the trigger */
+    int sent;        /* entries in rec_sent */
 };
 
-static double memory[MAX_P][DSE_HIGH_GAIN_EKF_STORAGE(MAX_N, 2, MAX_P, MAX_P, 2, MAX_HORIZON)];
+static double memory[MAX_P][DSE_HIGH_GAIN_EKF_STORAGE(MAX_N, 2, MAX_P, MAX_P, 2, MAX_HORIZON) +
+                            DSE_HIGH_GAIN_EKF_DELAY_STORAGE(MAX_N, 2, MAX_P, MAX_DELAY, MAX_EVERY)];
+static double line_memory[MAX_P * MAX_P * DSE_LINE_STORAGE(MAX_DELAY, 2)];
 
 /* What the file records, in its own order. */
 static double rec_x[MAX_ROWS * MAX_N], rec_y[MAX_ROWS * MAX_P], rec_theta[MAX_ROWS * MAX_P],
     rec_J[MAX_ROWS * MAX_P], rec_xhat[MAX_ROWS * MAX_N], rec_z[MAX_ROWS * MAX_P * MAX_N],
-    rec_P[MAX_ROWS * MAX_P * 4];
+    rec_P[MAX_ROWS * MAX_P * 4], rec_ages[MAX_INSTANTS * MAX_P * MAX_P], rec_sent[MAX_SENT * 2];
 
 /* ---- set-up ---- */
 
-/* Everything but the blocks; returns 0 when the file asks for what is not there yet. */
+/* Everything but the blocks; returns 0 when the file asks for what is not there. */
 static int options(struct run *run, const json_t *config, struct dse_high_gain_ekf_config *out)
 {
-    const int disc = golden_is(config, "mode", "disc");
+    const int triggered = golden_is(config, "mode", "trig");
     run->continuous = golden_is(config, "mode", "cont");
-    if ((!disc && !run->continuous) || run->n > MAX_N ||
+    run->every = run->continuous ? 1 : (int)golden_number(config, "comm_every_ticks", 1);
+    if ((!golden_is(config, "mode", "disc") && !golden_is(config, "mode", "delay") && !triggered &&
+         !run->continuous) ||
+        run->n > MAX_N || run->D > MAX_DELAY || run->every > MAX_EVERY ||
         golden_number(config, "Nd", 0) > MAX_HORIZON) {
         return 0;
     }
@@ -53,11 +75,14 @@ static int options(struct run *run, const json_t *config, struct dse_high_gain_e
                 : golden_is(config, "gain", "max") ? DSE_HIGH_GAIN_MAX
                                                    : DSE_HIGH_GAIN_ADAPT,
         .innovation = golden_is(config, "J_mode", "sum") ? DSE_HIGH_GAIN_SUM : DSE_HIGH_GAIN_OWN,
-        .communication = run->continuous ? DSE_HIGH_GAIN_STAGES : DSE_HIGH_GAIN_TICK,
+        .communication = run->continuous ? DSE_HIGH_GAIN_STAGES
+                         : triggered     ? DSE_HIGH_GAIN_TRIGGERED
+                                         : DSE_HIGH_GAIN_TICK,
         .predictor = run->continuous || json_is_true(json_object_get(config, "predictor"))
                          ? DSE_HIGH_GAIN_PREDICT
                          : DSE_HIGH_GAIN_HOLD,
-        .comm_every_ticks = run->continuous ? 1 : (int)golden_number(config, "comm_every_ticks", 1),
+        .comm_every_ticks = run->every,
+        .max_delay = run->D > 0 ? run->D : 0,
         .adaptation = {.theta_m = golden_number(config, "theta_m", 0),
                        .rise_time = golden_number(config, "dT", 0),
                        .relaxation = golden_number(config, "lam", 0),
@@ -79,6 +104,43 @@ static double *sized(const json_t *object, const char *key, int expected, int *o
     return numbers;
 }
 
+/* Delays and losses, and the recorded ages. */
+static int network(struct run *run, const json_t *root, int *ok)
+{
+    const json_t *net = json_object_get(root, "network");
+    struct dse_arena arena;
+    int count;
+    dse_arena_init(&arena, line_memory, (int)(sizeof line_memory / sizeof line_memory[0]));
+    run->D = net == NULL ? -1 : (int)golden_number(net, "D", 0);
+    if (net == NULL || run->D > MAX_DELAY) {
+        return 0;
+    }
+    run->delays = golden_numbers(json_object_get(net, "delay_i_from_j_stamp"), &count);
+    run->stamps = count / (run->p * run->p);
+    run->n_ages = (int)json_array_size(json_object_get(root, "age_per_comm_instant"));
+    *ok = *ok && count == run->stamps * run->p * run->p && run->n_ages <= MAX_INSTANTS;
+    for (int i = 0; i < run->p * run->p; i++) {
+        *ok = *ok && dse_line_init(&run->line[i / run->p][i % run->p], run->D, 2, &arena) == DSE_OK;
+    }
+    return 1;
+}
+
+static void trigger(struct run *run, const json_t *root, struct dse_trigger_config *out)
+{
+    const json_t *config = json_object_get(root, "trigger");
+    int count;
+    double *H = golden_numbers(json_object_get(config, "H"), &count);
+    for (int k = 0; k < count && k < MAX_N; k++) {
+        run->H[k] = H[k];
+    }
+    free(H);
+    if (config != NULL) {
+        *out = (struct dse_trigger_config){.norm = DSE_TRIGGER_RELATIVE,
+                                           .threshold = golden_number(config, "Lz", 0),
+                                           .weights = run->H};
+    }
+}
+
 static int set_up(struct run *run, const json_t *root)
 {
     const json_t *config = json_object_get(root, "config");
@@ -91,13 +153,18 @@ static int set_up(struct run *run, const json_t *root)
     run->n = run->plant.model.nx;
     run->p = run->plant.form.p;
     run->period = golden_number(config, "Ts_h", 0);
+    run->tolerance = 1e-6;
+    int ok = 1;
+    if (network(run, root, &ok) && golden_is(config, "coords", "normal")) {
+        run->tolerance = 1e-5; /* rounding grows 3e4-fold */
+    }
     struct dse_high_gain_ekf_config common;
     if (!options(run, config, &common)) {
         printf("  mode '%s' is not supported\n",
                json_string_value(json_object_get(config, "mode")));
         return GOLDEN_UNSUPPORTED;
     }
-    int ok = 1;
+    trigger(run, root, &common.trigger);
     run->x0 = sized(config, "x0_filter_guess", run->n, &ok);
     run->Q = sized(config, "Q_diag", run->n, &ok);
     run->R = sized(config, "R", run->p, &ok);
@@ -141,11 +208,27 @@ static void tear_down(struct run *run)
     free(run->W);
     free(run->V);
     free(run->k);
+    free(run->delays);
 }
 
 /* ---- one tick ---- */
 
-static void exchange(struct run *run, int round)
+/* Into the pair's line, and out of it what has arrived. */
+static void through_network(struct run *run, int i, int j, int k, const double *state)
+{
+    const int64_t instant = k / run->every;
+    int64_t stamp;
+    const double *arrived;
+    if (instant < run->stamps) {
+        dse_line_put(&run->line[i][j], instant,
+                     (int)run->delays[(i * run->p + j) * run->stamps + instant], state);
+    }
+    while ((arrived = dse_line_take(&run->line[i][j], instant, &stamp)) != NULL) {
+        dse_high_gain_ekf_deliver(&run->filter[i], j, stamp * run->every, arrived, 2);
+    }
+}
+
+static void exchange(struct run *run, int round, int k)
 {
     double message[MAX_P][DSE_HIGH_GAIN_EKF_MESSAGE(2)] = {{0}};
     int count[MAX_P] = {0};
@@ -154,9 +237,30 @@ static void exchange(struct run *run, int round)
     }
     for (int i = 0; i < run->p; i++) {
         for (int j = 0; j < run->p; j++) {
+            const int delayed = run->D >= 0 && count[j] > 1;
             if (j != i) {
-                dse_high_gain_ekf_receive(&run->filter[i], round, j, message[j], count[j]);
+                dse_high_gain_ekf_receive(&run->filter[i], round, j, message[j],
+                                          delayed ? 1 : count[j]);
             }
+            if (j != i && delayed) {
+                through_network(run, i, j, k, message[j] + 1);
+            }
+        }
+    }
+}
+
+/* What the network has done to the filters at an instant: ages, and who has sent. */
+static void record_network(struct run *run, int k)
+{
+    const int instant = k / run->every, p = run->p;
+    for (int i = 0; i < p && k % run->every == 0; i++) {
+        for (int j = 0; j < p && instant < MAX_INSTANTS; j++) {
+            rec_ages[(instant * p + i) * p + j] =
+                j == i ? 0 : dse_high_gain_ekf_age(&run->filter[i], j);
+        }
+        if (dse_high_gain_ekf_tells(&run->filter[i]) && run->sent < MAX_SENT) {
+            rec_sent[2 * run->sent] = k;
+            rec_sent[2 * run->sent++ + 1] = i;
         }
     }
 }
@@ -170,7 +274,8 @@ static enum dse_status filters_tick(struct run *run, int k, const double *y)
                                          &own);
     }
     for (int r = 0; status == DSE_OK && r < dse_high_gain_ekf_rounds(&run->filter[0]); r++) {
-        exchange(run, r);
+        exchange(run, r, k);
+        record_network(run, k);
         for (int i = 0; i < run->p && status == DSE_OK; i++) {
             status = dse_high_gain_ekf_advance(&run->filter[i], r);
         }
@@ -271,13 +376,21 @@ int golden_run_file(const json_t *root)
     }
     if (result == GOLDEN_PASS) {
         const int rows = run.rows, n = run.n, p = run.p;
-        result = golden_compare(record, "x", rows, n, rec_x, 1e-6) |
-                 golden_compare(record, "y", rows, p, rec_y, 1e-6) |
-                 golden_compare(record, "xhat", rows, n, rec_xhat, 1e-6) |
-                 golden_compare(record, "theta", rows, p, rec_theta, 1e-6) |
-                 golden_compare(record, "J", rows, p, rec_J, 1e-6) |
-                 golden_compare(record, "z", rows, run.continuous ? n : p * n, rec_z, 1e-6) |
-                 golden_compare(record, "P", rows, 4 * p, rec_P, 1e-6);
+        const double tolerance = run.tolerance;
+        result = golden_compare(record, "x", rows, n, rec_x, tolerance) |
+                 golden_compare(record, "y", rows, p, rec_y, tolerance) |
+                 golden_compare(record, "xhat", rows, n, rec_xhat, tolerance) |
+                 golden_compare(record, "theta", rows, p, rec_theta, tolerance) |
+                 golden_compare(record, "J", rows, p, rec_J, tolerance) |
+                 golden_compare(record, "z", rows, run.continuous ? n : p * n, rec_z, tolerance) |
+                 golden_compare(record, "P", rows, 4 * p, rec_P, tolerance);
+        if (run.n_ages > 0) {
+            result |= golden_compare(root, "age_per_comm_instant", run.n_ages, p * p, rec_ages, 0);
+        }
+        const json_t *sent = json_object_get(root, "trigger");
+        if (sent != NULL) {
+            result |= golden_compare(sent, "tx_log_tick_source", run.sent, 2, rec_sent, 0);
+        }
     }
     tear_down(&run);
     return result;
