@@ -45,7 +45,7 @@ class Builder:
         nodes = self.graph.add(ca.vertcat(*conditions)) if len(conditions) else []
         assignments = [self._assignment(name, e, indices) for name, e in outputs]
         roots = [*nodes, *(root for a in assignments for root in a.roots)]
-        writer = Writer(self.graph, {"x": state, "u": "u", "z": "z"}, roots)
+        writer = Writer(self.graph, {"x": state, "u": "u", "z": "z", "d": "dchi"}, roots)
         writer.refuse(nodes, REFUSE)
         for assignment in assignments:
             writer.lines += assignment.before
@@ -58,14 +58,15 @@ class Builder:
             return Assignment([], [f"{name}[{k}]" for k in indices], nodes)
         return matrix(name, e.shape[0], e.shape[1], self.graph, nodes)
 
-    def entry(self, source: str, lines: Sequence[str]) -> list[str]:
-        """Lines before a body: where q comes from, inputs that must be there."""
+    def entry(self, source: str, state: str, lines: Sequence[str]) -> list[str]:
+        """Lines before a body: where q comes from, what must be there and be finite."""
         prelude = []
         if any("q[" in line or "(q," in line for line in lines):
             prelude.append(f"const dse_real *q = {source}->parameters;")
         if self.form.plant.inputs:
             prelude += ["if (u == NULL) {", "    return DSE_EINVAL;", "}"]
-        return prelude
+        check = f"if (!dse_all_finite({state}, STATES)) {{"
+        return [*prelude, check, f"    return {REFUSE};", "}"]
 
 
 def unused(lines: Sequence[str], names: Sequence[str]) -> list[str]:
@@ -86,11 +87,12 @@ def form_function(
     """A function of struct dse_normal_form; arguments: state and output, "z dz"."""
     state, out = arguments.split()
     block = "int i, " if name in ("jacobian", "map_jacobian") else ""
-    lines = [*build.entry("form", lines), *lines]
+    change = "const dse_real *dchi, " if name == "push" else ""
+    lines = [*build.entry("form", state, lines), *lines]
     names = ["form", *(["i"] if block else []), "t", state, "u"]
     head = (
         f"static enum dse_status {name}(const struct dse_normal_form *form, {block}dse_real t,\n"
-        f"    const dse_real *{state}, const dse_real *u, dse_real *{out})"
+        f"    const dse_real *{state}, const dse_real *u, {change}dse_real *{out})"
     )
     return CFunction(head, unused(lines, names) + list(lines), [f"/* {comment} */"])
 

@@ -1,11 +1,12 @@
 """Inverse of a coordinate map, in closed form where there is one.
 
-The equations z = Phi(chi) are put into block-triangular order (which unknowns does an equation still
-have when others are solved?). A block with one equation is solved by taking its expression apart from
-outside: sum, product, root .. around the unknown. What cannot be taken apart, and blocks of several
-equations, are left to an iteration.
+The equations z = Phi(chi) are put into block-triangular order (which unknowns does an equation
+still have when others are solved?). A block with one equation is solved by taking its expression
+apart from outside: sum, product, root .. around the unknown. What cannot be taken apart, and blocks
+of several equations, are left to an iteration.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -48,10 +49,11 @@ def solve(plant: Plant, phi: SX, x: SX, z: SX) -> list[Step]:
 def _blocks(plant: Plant, pattern: np.ndarray[Any, np.dtype[np.bool_]]) -> list[Step]:
     """Diagonal blocks of the block-triangular form of dPhi/dchi."""
     names = [state.name for state in plant.states]
-    unseen = [name for name, seen in zip(names, pattern.any(axis=0), strict=True) if not seen]
+    unseen = [name for k, name in enumerate(names) if not pattern[:, k].any()]
     if unseen:
         raise UserError(
-            f"{plant.path}: not observable: no derivative of an output depends on {', '.join(unseen)}"
+            f"{plant.path}: not observable: no derivative of an output depends on"
+            f" {', '.join(unseen)}"
         )
     sparsity = ca.sparsify(ca.DM(pattern.astype(float))).sparsity()
     if ca.sprank(ca.DM(sparsity, 1)) < len(names):
@@ -102,9 +104,9 @@ def isolate(e: SX, v: SX, target: SX) -> tuple[SX, list[SX]] | None:
 
 def _undo(op: int, k: int, parts: list[SX], target: SX) -> tuple[SX, list[SX]] | None:
     """Invert one operation in its k-th operand: that operand's value, and what must be positive."""
-    other = parts[1 - k] if len(parts) == 2 else None
+    other: SX = parts[1 - k] if len(parts) == 2 else None
     first = k == 0
-    simple = {
+    simple: dict[int, Callable[[], SX]] = {
         ca.OP_ADD: lambda: target - other,
         ca.OP_SUB: lambda: target + other if first else other - target,
         ca.OP_MUL: lambda: target / other,

@@ -25,6 +25,8 @@ class Symbols:
     u: SX
     p: SX
     z: SX
+    d: SX
+    """A change of x."""
 
 
 @dataclass
@@ -42,8 +44,8 @@ class NormalForm:
     phi: SX
     """(n,) coordinates in t, x, u, p."""
     rest: SX
-    """(n,) what a row of z' has beside A_i z_i: b in terms of t, x, u, p, and z where a derivative is
-    a coordinate."""
+    """(n,) what a row of z' has beside A_i z_i: b in terms of t, x, u, p, and z where a derivative
+    is a coordinate."""
     steps: list[Step]
     """How Phi is inverted."""
 
@@ -62,14 +64,14 @@ class NormalForm:
         return ca.substitute(expression, self.symbols.x, chi)
 
     def field(self, chi: SX) -> SX:
-        """z' = A z + b (n,) for a given chi."""
+        """The field z' = A z + b (n,) for a given chi."""
         return self.shift(self.symbols.z) + self.in_z(self.rest, chi)
 
     def shift(self, z: SX) -> SX:
-        """A z (n,): each block moved up by one, zero below."""
+        """A z (n,): each chain moved up by one, zero below."""
         rows = []
-        for block in self.plant.blocks:
-            rows += [z[k + 1] for k in block[:-1]] + [ca.SX(0)]
+        for chain in self.plant.chains:
+            rows += [z[k + 1] for k in chain[:-1]] + [ca.SX(0)]
         return ca.vertcat(*rows)
 
 
@@ -101,6 +103,7 @@ def _symbols(plant: Plant) -> Symbols:
         u=column("", [signal.name for signal in plant.inputs]),
         p=column("", [parameter.name for parameter in plant.parameters]),
         z=column("z_", states),
+        d=column("d_", states),
     )
 
 
@@ -148,9 +151,9 @@ def _coordinates(plant: Plant, s: Symbols, f: SX, h: SX) -> tuple[SX, SX]:
     phi: list[SX] = []
     rest: list[SX] = []
     known = ca.SX(f)  # f, with z_k+1 + b_k for the derivative of a state that is coordinate k
-    for i, block in enumerate(plant.blocks):
+    for i, chain in enumerate(plant.chains):
         e = h[i]
-        for k in block[:-1]:
+        for k in chain[:-1]:
             phi.append(e)
             rest.append(ca.jtimes(e, s.x, push))
             for j in range(len(plant.states)):
@@ -159,8 +162,8 @@ def _coordinates(plant: Plant, s: Symbols, f: SX, h: SX) -> tuple[SX, SX]:
             e = total(e, f) if plant.inputs_in_map else along(e, drift)
         phi.append(e)
         rest.append(ca.SX(0))
-    for block in plant.blocks:
-        rest[block[-1]] = total(phi[block[-1]], known)
+    for chain in plant.chains:
+        rest[chain[-1]] = total(phi[chain[-1]], known)
     return ca.vertcat(*phi), ca.vertcat(*rest)
 
 

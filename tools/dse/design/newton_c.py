@@ -3,9 +3,7 @@
 decode takes the steps of the inverse in order, Newton's method for those without a closed form. The
 Jacobian follows from the implicit function theorem: dchi/dz = (dPhi/dchi)^-1, so that
 
-    F_i = A_i + db_i/dz_i + (db_i/dchi) (dPhi/dchi)^-1 E_i
-
-with E_i the columns of block i of the unit matrix.
+    F = A + db/dz + (db/dchi) (dPhi/dchi)^-1
 """
 
 import casadi as ca
@@ -133,7 +131,13 @@ def functions(form: NormalForm, build: Builder) -> list[CFunction]:
     for k, step in enumerate(form.steps):
         if step.solution is None:
             made += _equations(form, build, k, step)
-    return [*made, _inverse(form, build), _decode(build), _field(form, build), *_jacobian(form, build)]
+    return [
+        *made,
+        _inverse(form, build),
+        _decode(build),
+        _field(form, build),
+        *_jacobian(form, build),
+    ]
 
 
 def _equations(form: NormalForm, build: Builder, k: int, step: Step) -> list[CFunction]:
@@ -165,7 +169,7 @@ def _equations(form: NormalForm, build: Builder, k: int, step: Step) -> list[CFu
 
 
 def _inverse(form: NormalForm, build: Builder) -> CFunction:
-    """chi = Phi^-1(z), step by step."""
+    """The inverse chi = Phi^-1(z), step by step."""
     lines: list[str] = []
     for k, step in enumerate(form.steps):
         if step.solution is None:
@@ -212,59 +216,56 @@ def _field(form: NormalForm, build: Builder) -> CFunction:
 
 
 def _jacobian(form: NormalForm, build: Builder) -> list[CFunction]:
-    s, plant = form.symbols, form.plant
-    names = ("q", "t", "chi", "u")
+    """field_jacobian, and jacobian as its diagonal blocks."""
+    s, names = form.symbols, ("q", "t", "chi", "u")
     whole = build.body([("D", ca.jacobian(form.phi, s.x))], state="chi")
     helper = CFunction(
         f"static void map_slope({HELPER}D)",
         [*unused(whole, names), *whole],
         ["/* D = dPhi/dchi. */"],
     )
-    largest = max(map(len, plant.blocks))
+    by_chi, by_z = (ca.jacobian(form.rest, v) for v in (s.x, s.z))
     lines = [
-        "dse_real chi[STATES], D[STATES * STATES];",
-        f"dse_real X[STATES * {largest}], B[{largest} * STATES], BX[{largest * largest}];",
+        "dse_real chi[STATES], D[STATES * STATES], X[STATES * STATES], B[STATES * STATES];",
         "int pivots[STATES];",
-        "if (i < 0 || i >= BLOCKS) {",
-        "    return DSE_EINVAL;",
-        "}",
         *INVERT[1:],
         "map_slope(q, t, chi, u, D);",
         "if (!dse_all_finite(D, STATES * STATES) || dse_lu(STATES, D, pivots) != DSE_OK) {",
         "    return DSE_EMODEL;",
         "}",
+        "for (int k = 0; k < STATES * STATES; k++) {",
+        "    X[k] = k % (STATES + 1) == 0 ? 1 : 0;",
+        "}",
+        "dse_lu_solve(STATES, D, pivots, STATES, X);",
+        *build.body([("B", by_chi), ("D", by_z + ca.jacobian(form.shift(s.z), s.z))], state="chi"),
+        "dse_mat_mul(STATES, STATES, STATES, B, X, F);",
+        "for (int k = 0; k < STATES * STATES; k++) {",
+        "    F[k] += D[k];",
+        "}",
+        finite("F", "STATES * STATES"),
+    ]
+    blocks = [
+        "dse_real whole[STATES * STATES];",
+        "if (i < 0 || i >= BLOCKS) {",
+        "    return DSE_EINVAL;",
+        "}",
+        "const enum dse_status status = field_jacobian(form, t, z, u, whole);",
+        "if (status != DSE_OK) {",
+        "    return status;",
+        "}",
         "int first = 0;",
         "for (int k = 0; k < i; k++) {",
         "    first += block_sizes[k];",
         "}",
-        "const int n_i = block_sizes[i];",
-        "for (int k = 0; k < STATES * n_i; k++) {",
-        "    X[k] = 0;",
+        "for (int k = 0; k < block_sizes[i]; k++) {",
+        "    for (int l = 0; l < block_sizes[i]; l++) {",
+        "        F[k * block_sizes[i] + l] = whole[(first + k) * STATES + first + l];",
+        "    }",
         "}",
-        "for (int k = 0; k < n_i; k++) {",
-        "    X[(first + k) * n_i + k] = 1;",
-        "}",
-        "dse_lu_solve(STATES, D, pivots, n_i, X);",
-        "switch (i) {",
-    ]
-    for i, block in enumerate(plant.blocks):
-        rows = list(block)
-        by_state, direct = (ca.jacobian(form.rest[rows], v) for v in (s.x, s.z[rows]))
-        last = "default" if i == len(plant.blocks) - 1 else f"case {i}"
-        body = build.body([("B", by_state), ("F", direct)], state="chi")
-        lines += [f"{last}: {{", *(f"    {line}" for line in [*body, "break;"]), "}"]
-    lines += [
-        "}",
-        "dse_mat_mul(n_i, STATES, n_i, B, X, BX);",
-        "for (int k = 0; k < n_i * n_i; k++) {",
-        "    F[k] += BX[k];",
-        "}",
-        "for (int k = 0; k + 1 < n_i; k++) {",
-        "    F[k * n_i + k + 1] += 1; /* A_i */",
-        "}",
-        "return dse_all_finite(F, n_i * n_i) ? DSE_OK : DSE_EMODEL;",
+        "return DSE_OK;",
     ]
     return [
         helper,
-        form_function(build, "jacobian", "z F", lines, "F = A_i + db_i/dz_i, other z_j frozen"),
+        form_function(build, "field_jacobian", "z F", lines, "F = A + db/dz"),
+        form_function(build, "jacobian", "z F", blocks, "F = A_i + db_i/dz_i, other z_j frozen"),
     ]

@@ -6,9 +6,9 @@ file must define is listed below. Coordinates are the outputs and their derivati
     z_i = Phi_i(chi) = [h_i, L_f h_i, ..], one more per state of subsystem i,
     z_i' = A_i z_i + b_i(z, u)
 
-taken by algorithmic differentiation, as are all Jacobians. The inverse is found in closed form where
-the equations can be solved one after the other, otherwise the C file iterates (Newton, at most 50
-steps, DSE_EMODEL when it does not converge).
+taken by algorithmic differentiation, as are all Jacobians. The inverse is found in closed form
+where the equations can be solved one after the other, otherwise the C file iterates (Newton, at
+most 50 steps, DSE_EMODEL when it does not converge).
 
 The C file needs nothing but the library: put it into lib/plants/, add its dse_plant_NAME to
 lib/plants/registry.c, build. Without -o the plant is only examined.
@@ -44,7 +44,9 @@ def run(options: argparse.Namespace) -> int:
     try:
         import casadi  # noqa: F401 - optional, and the modules below need it
     except ImportError:
-        raise UserError("needs the Python package casadi: pip install 'dse-tools[native]'") from None
+        raise UserError(
+            "needs the Python package casadi: pip install 'dse-tools[native]'"
+        ) from None
     from dse.design import lie, operating, plant_c, plant_file
 
     form = lie.derive(plant_file.load(options.model))

@@ -90,7 +90,7 @@ class Numeric:
         return x
 
     def field(self, at: Point, z: Floats, near: Floats) -> Floats:
-        """z' at z."""
+        """The field z' at z."""
         return self("field", at, self.decode(at, z, near), z)
 
     def jacobian(self, i: int, at: Point, z: Floats, near: Floats) -> Floats:

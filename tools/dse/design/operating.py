@@ -1,4 +1,4 @@
-"""Checks of a normal form at operating points: is it observable there, are its derivatives right?"""
+"""Checks of a normal form at operating points: observability, and whether derivatives are right."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -42,9 +42,9 @@ class Observability:
     def hidden(self) -> str:
         """What a failure means."""
         return (
-            f"not observable at '{self.point}': {' and '.join(self.weakest)} cannot be told from the"
-            f" outputs and their derivatives (dPhi/dchi has rank {self.rank} of {self.n}, singular"
-            f" values {', '.join(f'{value:.3g}' for value in self.singular)})"
+            f"not observable at '{self.point}': {' and '.join(self.weakest)} cannot be told from"
+            f" the outputs and their derivatives (dPhi/dchi has rank {self.rank} of {self.n},"
+            f" singular values {', '.join(f'{value:.3g}' for value in self.singular)})"
         )
 
 
@@ -53,7 +53,9 @@ def observability(form: NormalForm, numeric: Numeric, at: Point) -> Observabilit
     plant = form.plant
     names = [state.name for state in plant.states]
     if not numeric.inside(at, at.x):
-        raise UserError(f"{plant.path}: the plant or its coordinates are not defined at '{at.name}'")
+        raise UserError(
+            f"{plant.path}: the plant or its coordinates are not defined at '{at.name}'"
+        )
     slope = numeric("slope", at, at.x) * np.array([state.scale for state in plant.states])
     if not np.isfinite(slope).all():
         raise UserError(f"{plant.path}: dPhi/dchi is not finite at '{at.name}'")
@@ -67,20 +69,20 @@ def observability(form: NormalForm, numeric: Numeric, at: Point) -> Observabilit
 
 
 def check_triangular(form: NormalForm) -> None:
-    """b_i,k may depend on z_i1 .. z_ik only, except in the last row of a block (eq 2.3)."""
+    """b_i,k may depend on z_i1 .. z_ik only, except in the last row of a chain (eq 2.3)."""
     plant, numeric = form.plant, Numeric(form)
     for at in operating_points(form):
         z = numeric("phi", at, at.x)
         slope, rest = (numeric(name, at, at.x, z) for name in ("slope", "rest_x"))
         by_z = numeric("rest_z", at, at.x, z) - numeric("shift", at, at.x)
         effect = np.abs(by_z + rest @ np.linalg.inv(slope)) * (np.abs(slope) @ np.abs(at.x))
-        for block, output in zip(plant.blocks, plant.outputs, strict=True):
-            for k in block[:-1]:
-                allowed = range(block[0], k + 1)
+        for chain, output in zip(plant.chains, plant.outputs, strict=True):
+            for k in chain[:-1]:
+                allowed = range(chain[0], k + 1)
                 others = [j for j in range(len(z)) if j not in allowed]
                 if effect[k, others].max(initial=0) > SINGULAR * effect[k].max():
                     raise UserError(
-                        f"{plant.path}: not triangular: an input moves derivative {k - block[0]} of"
+                        f"{plant.path}: not triangular: an input moves derivative {k - chain[0]} of"
                         f" {output.name} through states that this coordinate does not hold; that"
                         " needs inputs_in_map = True"
                     )
@@ -107,8 +109,9 @@ def check_observability(form: NormalForm) -> list[Observability]:
 def check_derivatives(form: NormalForm) -> dict[str, float]:
     """Worst relative deviation of each function from what it must be, around all operating points.
 
-    Jacobians and z' are compared with central differences, row by row relative to the largest effect
-    that a state's scale has in that row; decode(encode(x)) with x, relative to the states' scales.
+    Jacobians and z' are compared with central differences, row by row relative to the largest
+    effect that a state's scale has in that row; decode(encode(x)) with x, relative to the states'
+    sizes.
     """
     numeric = Numeric(form)
     worst: dict[str, float] = {}
@@ -142,16 +145,14 @@ def _deviations(
     z_size = np.abs(slope) @ scale
     field = _differences(lambda v: numeric.field(at, v, x), z, z_size)
     found["A_i + b_i*"] = max(
-        _relative(
-            numeric.jacobian(i, at, z, x), field[np.ix_(block, block)], z_size[list(block)]
-        )
+        _relative(numeric.jacobian(i, at, z, x), field[np.ix_(block, block)], z_size[list(block)])
         for i, block in enumerate(plant.blocks)
     )
     return found
 
 
 def _along(form: NormalForm, numeric: Numeric, at: Point, x: Floats, z: Floats) -> float:
-    """z' against (Phi(x + h x', u + h u') - Phi(x - h x', u - h u')) / 2h."""
+    """Compare z' with (Phi(x + h x', u + h u') - Phi(x - h x', u - h u')) / 2h."""
     plant, dx = form.plant, numeric("f", at, x)
     rate = np.array([at.u[r] if r >= 0 else 0.0 for r in plant.rate_index])
     size = np.abs(x) + np.array([state.scale for state in plant.states])

@@ -1,6 +1,7 @@
 """The C file of a plant: its functions' bodies, put into templates/plant.c.j2."""
 
 import json
+from importlib import metadata
 from pathlib import Path
 
 import casadi as ca
@@ -16,7 +17,7 @@ from dse.design.lie import SX, NormalForm
 def generate(form: NormalForm, target: str) -> str:
     """The text of the C file; target: its name, for the header comment."""
     plant, s = form.plant, form.symbols
-    graph = Graph({"t": s.t, "x": s.x, "u": s.u, "p": s.p, "z": s.z})
+    graph = Graph({"t": s.t, "x": s.x, "u": s.u, "p": s.p, "z": s.z, "d": s.d})
     functions = _model(form, graph) + _normal_form(form, graph)
     prepare = Writer(graph, {"p": "p"}, graph.prepared, preparing=True)
     prepare.assign([f"q[{k}]" for k in range(len(graph.prepared))], graph.prepared)
@@ -29,36 +30,43 @@ def generate(form: NormalForm, target: str) -> str:
     )
     environment.filters["c"] = lambda text: json.dumps(text, ensure_ascii=False)
     environment.filters["real"] = number
-    return environment.get_template("plant.c.j2").render(
-        plant=plant,
-        name=plant.name,
-        title=plant.title,
-        source=plant.source,
-        version=dse.__version__,
-        casadi=ca.__version__,
-        file=plant.path.name,
-        digest=plant.digest,
-        target=Path(target).name,
-        coordinates=_coordinates(form),
-        inverse=[f"{what} from {source}, {way}" for what, source, way in inverse(form)],
-        newton=form.chi is None,
-        nx=len(plant.states),
-        nu=len(plant.inputs),
-        ny=len(plant.outputs),
-        np=len(plant.parameters),
-        prepared_size=max(1, len(graph.prepared)),
-        prepare=prepare.lines if graph.prepared else ["q[0] = 0;"],
-        rates=plant.rate_index if plant.rates else [],
-        blocks=[
-            {
-                "name": one.name,
-                "states": [names["states"].index(n) for n in one.states],
-                "outputs": [names["outputs"].index(n) for n in one.outputs],
-            }
-            for one in plant.subsystems
-        ],
-        functions=functions,
-    ).rstrip() + "\n"
+    return (
+        environment.get_template("plant.c.j2")
+        .render(
+            plant=plant,
+            name=plant.name,
+            title=plant.title,
+            source=plant.source,
+            version=dse.__version__,
+            casadi=metadata.version("casadi"),
+            file=plant.path.name,
+            digest=plant.digest,
+            target=Path(target).name,
+            coordinates=_coordinates(form),
+            inverse=[f"{what} from {source}, {way}" for what, source, way in inverse(form)],
+            newton=form.chi is None,
+            nx=len(plant.states),
+            nu=len(plant.inputs),
+            ny=len(plant.outputs),
+            np=len(plant.parameters),
+            prepared_size=max(1, len(graph.prepared)),
+            prepare=prepare.lines if graph.prepared else ["q[0] = 0;"],
+            rates=plant.rate_index if plant.rates else [],
+            chains=[len(chain) for chain in plant.chains],
+            several=any(len(one.outputs) > 1 for one in plant.subsystems),
+            blocks=[
+                {
+                    "name": one.name,
+                    "states": [names["states"].index(n) for n in one.states],
+                    "outputs": [names["outputs"].index(n) for n in one.outputs],
+                }
+                for one in plant.subsystems
+            ],
+            functions=functions,
+        )
+        .rstrip()
+        + "\n"
+    )
 
 
 def _coordinates(form: NormalForm) -> list[str]:
@@ -92,8 +100,8 @@ def row_names(form: NormalForm) -> list[str]:
     plant = form.plant
     return [
         output.name + ("'" * k if k < 4 else f"^({k})")
-        for output, block in zip(plant.outputs, plant.blocks, strict=True)
-        for k in range(len(block))
+        for output, chain in zip(plant.outputs, plant.chains, strict=True)
+        for k in range(len(chain))
     ]
 
 
@@ -108,7 +116,7 @@ def _model(form: NormalForm, graph: Graph) -> list[CFunction]:
     functions = []
     for name, out, e, comment, size in kinds:
         lines = build.body([(out, e)], conditions=form.domain)
-        lines = [*build.entry("model", lines), *lines, finite(out, size)]
+        lines = [*build.entry("model", "x", lines), *lines, finite(out, size)]
         head = (
             f"static enum dse_status {name}(const struct dse_model *model, dse_real t,\n"
             f"    const dse_real *x, const dse_real *u, dse_real *{out})"
@@ -127,7 +135,7 @@ def _normal_form(form: NormalForm, graph: Graph) -> list[CFunction]:
         functions += newton_c.functions(form, build)
     else:
         functions += _closed(form, build, chi)
-    functions.append(_map_jacobian(form, build))
+    functions += [_map_jacobian(form, build), _push(form, build)]
     functions[0].section = "the normal form"
     return functions
 
@@ -149,6 +157,13 @@ def _map_jacobian(form: NormalForm, build: Builder) -> CFunction:
     return form_function(build, "map_jacobian", "chi M", lines, "M = dPhi_i/dchi_i")
 
 
+def _push(form: NormalForm, build: Builder) -> CFunction:
+    s = form.symbols
+    lines = build.body([("dz", ca.jtimes(form.phi, s.x, s.d))], state="chi", conditions=form.domain)
+    lines.append(finite("dz", "STATES"))
+    return form_function(build, "push", "chi dz", lines, "dz = dPhi/dchi dchi")
+
+
 def _closed(form: NormalForm, build: Builder, chi: SX) -> list[CFunction]:
     """decode, field and jacobian where chi is known as an expression in z."""
     s, plant = form.symbols, form.plant
@@ -157,6 +172,7 @@ def _closed(form: NormalForm, build: Builder, chi: SX) -> list[CFunction]:
     # rows that only move up are copied, so that they are equal bit for bit
     field_z = form.field(chi)
     field_lines = build.body([("dz", field_z)], conditions=conditions)
+    whole = build.body([("F", ca.jacobian(field_z, s.z))], conditions=conditions)
     lines = ["switch (i) {"]
     for i, block in enumerate(plant.blocks):
         rows = list(block)
@@ -171,8 +187,13 @@ def _closed(form: NormalForm, build: Builder, chi: SX) -> list[CFunction]:
         form_function(
             build, "field", "z dz", [*field_lines, finite("dz", "STATES")], "z' = A z + b(z, u)"
         ),
+        form_function(build, "jacobian", "z F", lines, "F = A_i + db_i/dz_i, all other z_j frozen"),
         form_function(
-            build, "jacobian", "z F", lines, "F = A_i + db_i/dz_i, all other z_j frozen"
+            build,
+            "field_jacobian",
+            "z F",
+            [*whole, finite("F", "STATES * STATES")],
+            "F = A + db/dz",
         ),
     ]
 

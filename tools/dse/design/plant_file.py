@@ -13,16 +13,16 @@ The file defines, at its top level:
 
 and may define
 
-    domain(t, x, u, p)    -> list of expressions: where one of them is not positive there is no plant
+    domain(t, x, u, p)    -> list of expressions: there is a plant where all of them are positive
     rates                 {input: the input that is its time derivative}; other inputs are held
-    inputs_in_map         True (default): coordinates are full time derivatives of the output, z_i2 =
-                          y_i' at the present input. False: Lie derivatives along f at u = 0, for
+    inputs_in_map         True (default): coordinates are full time derivatives of the output, z_i2
+                          = y_i' at the present input. False: Lie derivatives along f at u = 0, for
                           inputs that enter f affinely; Phi then does not depend on the inputs
     points                {name: {state or input: value}}: operating points at which to check, over
                           and above the initial states of the sets; what is left out is nominal
 
-x, u and p give their members as attributes or by name: x.T1, x["T1"]. The functions are called once,
-with casadi.SX scalars; use casadi's functions (casadi.exp, casadi.if_else ..), not math's.
+x, u and p give their members as attributes or by name: x.T1, x["T1"]. The functions are called
+once, with casadi.SX scalars; use casadi's functions (casadi.exp, casadi.if_else ..), not math's.
 """
 
 import hashlib
@@ -32,6 +32,7 @@ import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import accumulate, pairwise
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -78,11 +79,13 @@ class ParameterSet:
 
 @dataclass(frozen=True)
 class Subsystem:
-    """Own states and the own sensor, by name."""
+    """Own states and own sensors, by name."""
 
     name: str
     states: Sequence[str]
     outputs: Sequence[str]
+    chains: Sequence[int] = ()
+    """Coordinates that each output gives, itself included; needed with several outputs only."""
 
 
 class Values(Mapping[str, Expression]):
@@ -143,10 +146,15 @@ class Plant:
     @property
     def blocks(self) -> list[range]:
         """The states of each subsystem."""
-        starts = [0]
-        for subsystem in self.subsystems:
-            starts.append(starts[-1] + len(subsystem.states))
-        return [range(a, b) for a, b in zip(starts, starts[1:], strict=False)]
+        starts = list(accumulate((len(one.states) for one in self.subsystems), initial=0))
+        return [range(a, b) for a, b in pairwise(starts)]
+
+    @property
+    def chains(self) -> list[range]:
+        """The coordinates of each output."""
+        lengths = [n for one in self.subsystems for n in (one.chains or [len(one.states)])]
+        starts = list(accumulate(lengths, initial=0))
+        return [range(a, b) for a, b in pairwise(starts)]
 
     @property
     def rate_index(self) -> list[int]:
@@ -239,7 +247,9 @@ def _problems(plant: Plant) -> Iterator[str]:
     known = [signal.name for signal in [*plant.states, *plant.inputs]]
     for point, values in plant.points.items():
         yield from (
-            f"points: {point}: {unknown('state or input', n, known)}" for n in values if n not in known
+            f"points: {point}: {unknown('state or input', n, known)}"
+            for n in values
+            if n not in known
         )
 
 
@@ -273,12 +283,19 @@ def _subsystem_problems(plant: Plant) -> Iterator[str]:
             "outputs must be listed subsystem by subsystem, each output in one of them: the"
             f" subsystems have {', '.join(measured)}"
         )
-    for subsystem in plant.subsystems:
-        if len(subsystem.outputs) != 1 or not subsystem.states:
+    for one in plant.subsystems:
+        n, outputs, chains = len(one.states), len(one.outputs), list(one.chains)
+        if not outputs:
+            yield f"subsystem {one.name}: has no output to be seen through"
+        elif outputs > 1 and not chains:
             yield (
-                f"subsystem {subsystem.name}: has {len(subsystem.states)} states and"
-                f" {len(subsystem.outputs)} outputs; the normal form takes one output, from which"
-                " all its states are seen"
+                f"subsystem {one.name}: has {outputs} outputs: chains must say how many coordinates"
+                " each of them gives"
+            )
+        elif chains and (len(chains) != outputs or sum(chains) != n or min(chains) < 1):
+            yield (
+                f"subsystem {one.name}: chains {chains} must be {outputs} positive numbers with the"
+                f" sum {n}"
             )
 
 

@@ -86,14 +86,14 @@ points = {
 }
 
 
-def reactions(T, p):  # noqa: ANN001, ANN201
+def reactions(T, p):
     """Heat R_h (K/h per kmol/m3) and rate r (1/h) of the three parallel reactions."""
     k = [p[f"k{i}0"] * ca.exp(-p[f"E{i}"] / p.R / T) for i in (1, 2, 3)]
     heat = [-p[f"dH{i}"] / (p.rho * p.cp) for i in (1, 2, 3)]
     return sum(q * rate for q, rate in zip(heat, k, strict=True)), sum(k)
 
 
-def f(t, x, u, p):  # noqa: ANN001, ANN201
+def f(t, x, u, p):
     """Balances of heat and of A; F1 = F0 + Fr leaves reactor 1."""
     heat1, rate1 = reactions(x.T1, p)
     heat2, rate2 = reactions(x.T2, p)
@@ -112,11 +112,11 @@ def f(t, x, u, p):  # noqa: ANN001, ANN201
     }
 
 
-def h(t, x, u, p):  # noqa: ANN001, ANN201
+def h(t, x, u, p):
     """Temperatures are measured."""
     return {"y1": x.T1, "y2": x.T2}
 
 
-def domain(t, x, u, p):  # noqa: ANN001, ANN201
+def domain(t, x, u, p):
     """Absolute temperatures are positive."""
     return [x.T1, x.T2]
