@@ -55,7 +55,7 @@ static bool check_loop(const struct dse_plant *plant, const struct sim_loop *loo
 {
     if (loop->output < 0 || loop->output >= plant->ny)
         return sim_reason(reason, size, "; the loop of %s has no output", input);
-    if (!good_pid(&loop->level) || !good_pid(&loop->flow) || !(loop->lag >= 0) ||
+    if (!good_pid(&loop->outer) || !good_pid(&loop->inner) || !(loop->lag >= 0) ||
         !dse_is_finite(loop->lag))
         return sim_reason(reason, size, "; a setting of the loop of %s is negative or not finite",
                           input);

@@ -1,4 +1,4 @@
-/* Cascaded PID control of an input. */
+/* PID control of an input, cascaded or not. */
 #include "sim/loop.h"
 
 #include "dse/math.h"
@@ -43,10 +43,14 @@ double sim_loop_step(const struct sim_loop *loop, struct sim_loop_state *state, 
     if (!state->measured)
         return state->actual;
     double start = state->actual;
-    double wanted = sim_pid_step(&loop->level, &state->level, period, start, loop->low, loop->high,
+    double wanted = sim_pid_step(&loop->outer, &state->outer, period, start, loop->low, loop->high,
                                  set_point, state->y);
-    double command = sim_pid_step(&loop->flow, &state->flow, period, start, loop->low, loop->high,
-                                  wanted, state->actual);
+    if (!loop->cascaded) {
+        state->actual = wanted;
+        return wanted;
+    }
+    double command = sim_pid_step(&loop->inner, &state->inner, period, start, loop->low, loop->high,
+                                  wanted, start);
     /* the lag over one period with the command held: q+ = q + (1 - exp(-T/lag)) (c - q) */
     double share = loop->lag > 0 ? 1 - dse_exp(-period / loop->lag) : 1;
     state->actual += share * (command - state->actual);

@@ -1,5 +1,5 @@
-/* Cascade of two PID controllers between a set point and an input of the plant, as on the rig of
- * the three tanks (section 6.1, Fig 6.2 of the adaptive high-gain source):
+/* PID control of an input of the plant, by one controller or by two in cascade as on the rig of the
+ * three tanks (section 6.1, Fig 6.2 of the adaptive high-gain source):
  *
  *     set point - y -> [outer PID] -> flow set point - flow -> [inner PID] -> [pump] -> flow
  *
@@ -21,8 +21,9 @@ struct sim_pid {
 
 struct sim_loop {
     int output;           /* the plant's output that the outer controller sees */
-    struct sim_pid level; /* outer: y in, flow set point out */
-    struct sim_pid flow;  /* inner: flow in, command to the pump out */
+    struct sim_pid outer; /* y in, flow set point out */
+    bool cascaded;        /* false: the outer controller's output is the flow itself */
+    struct sim_pid inner; /* flow in, command to the pump out */
     double low, high;     /* limits of the flow set point and of the command, input units */
     double lag;           /* time constant of the pump, >= 0, in the unit of ti */
 };
@@ -34,7 +35,7 @@ struct sim_pid_state {
 };
 
 struct sim_loop_state {
-    struct sim_pid_state level, flow;
+    struct sim_pid_state outer, inner;
     double y;      /* latest measurement */
     double actual; /* the flow: what the plant gets */
     bool measured;

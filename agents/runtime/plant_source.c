@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "runtime/clock.h"
+#include "runtime/plant_drive.h"
 #include "sim/simulator.h"
 
 struct plant {
@@ -74,7 +75,9 @@ bool plant_source(const struct scenario *scenario, struct sample_source *source,
     plant->prepared = calloc((size_t)process->prepared_size + 1, sizeof *plant->prepared);
     plant->u = calloc((size_t)process->nu + 1, sizeof *plant->u);
     char reason[256] = "out of memory";
+    struct plant_drives drives = {0};
     bool ok = plant->values != NULL && plant->prepared != NULL && plant->u != NULL &&
+              plant_drives_make(scenario, &drives) &&
               scenario_prepare_plant(scenario, NULL, plant->values, plant->prepared, error);
     if (ok) {
         fill_inputs(scenario, plant->u);
@@ -83,6 +86,8 @@ bool plant_source(const struct scenario *scenario, struct sample_source *source,
             .prepared = plant->prepared,
             .x0 = scenario->plant.x0 != NULL ? scenario->plant.x0 : set_of(scenario)->x0,
             .u = plant->u,
+            .drives = drives.drives,
+            .n_drives = (int)drives.count,
             .period = scenario_period(scenario),
             .integrator = integrator->kind == SCENARIO_RK4 ? SIM_RK4 : SIM_CVODE,
             .rtol = integrator->rtol > 0 ? integrator->rtol : 1e-10,
@@ -95,6 +100,7 @@ bool plant_source(const struct scenario *scenario, struct sample_source *source,
         plant->sim = sim_create(&config, reason, (int)sizeof reason);
         ok = plant->sim != NULL;
     }
+    plant_drives_free(&drives);
     if (!ok) {
         destroy(plant);
         return error_set(error, "cannot set up the plant %s: %s", process->name, reason);

@@ -42,6 +42,40 @@ struct scenario_integrator {
     double atol;                        /* 0: 1e-12 */
 };
 
+enum scenario_signal { SCENARIO_CONSTANT, SCENARIO_STEPS, SCENARIO_SINUSOID, SCENARIO_PRBS };
+
+struct scenario_step {
+    double at_s;  /* seconds, >= 0, ascending; acts from the first sample not before it */
+    double value; /* from there on */
+};
+
+struct scenario_pid {
+    double kp;   /* output unit per unit of the measurement */
+    double ti_s; /* integral time in seconds, 0: no integral action */
+    double td_s; /* derivative time in seconds */
+};
+
+struct scenario_loop {
+    char *output;               /* the plant's output that the loop controls */
+    struct scenario_pid outer;  /* measurement in, input (or its set point) out */
+    struct scenario_pid *inner; /* cascade: input in, command of the actuator out; NULL: none */
+    double low, high;           /* limits of the input */
+    double lag_s;               /* time constant of the actuator, cascade only */
+};
+
+/* What one input does: the signal itself, or a loop with the signal as set point. */
+struct scenario_drive {
+    char *name; /* an input of the plant */
+    enum scenario_signal signal;
+    double value;     /* constant, before the first step, or mean */
+    double amplitude; /* sinusoid, prbs */
+    double omega;     /* sinusoid, rad/s */
+    double bit_s;     /* prbs, seconds per bit */
+    struct scenario_step *steps;
+    unsigned steps_count;
+    struct scenario_loop *loop; /* NULL: the signal is the input */
+};
+
 struct scenario_plant {
     char *name;
     char *set; /* parameter set, NULL: the plant's first */
@@ -51,6 +85,8 @@ struct scenario_plant {
     unsigned x0_count;
     double *inputs; /* constant known inputs, NULL: nominal */
     unsigned inputs_count;
+    struct scenario_drive *drive; /* inputs that vary */
+    unsigned drive_count;
     struct scenario_integrator integrator;
 };
 

@@ -116,6 +116,9 @@ bool scenario_check(struct scenario_tree *tree, const cyaml_schema_value_t *sche
                     struct error *error);
 /* Meaning: what the structure alone does not show. Sets scenario->process. */
 bool scenario_judge(struct scenario_tree *tree, struct scenario *scenario, struct error *error);
+/* The part of it about plant.drive, in scenario_drive.c. */
+bool scenario_judge_drive(struct scenario_tree *tree, const struct scenario *scenario,
+                          struct error *error);
 uint64_t scenario_hash(const struct scenario *scenario, const cyaml_schema_value_t *schema);
 
 /* A finite number, plainly written; false and what is wrong with it otherwise. */

@@ -181,7 +181,7 @@ bool scenario_judge(struct scenario_tree *tree, struct scenario *scenario, struc
         judge_name(j, "name", scenario->name) && judge_time(j) && judge_plant(j) &&
         judge_set(j, "plant.set", plant->set) &&
         judge_parameters(j, "plant.parameters", plant->parameters, plant->parameters_count) &&
-        judge_prepare(j, "plant.parameters", NULL) &&
+        judge_prepare(j, "plant.parameters", NULL) && scenario_judge_drive(tree, scenario, error) &&
         judge_noise(j, "noise.process", &scenario->noise.process) &&
         judge_noise(j, "noise.measurement", &scenario->noise.measurement);
     for (unsigned i = 0; good && i < scenario->networks_count; i++)

@@ -161,8 +161,9 @@ static void pid_does_not_wind_up_at_a_limit(void **state)
 }
 
 static const struct sim_loop loop = {.output = 0,
-                                     .level = {.kp = 3, .ti = 10},
-                                     .flow = {.kp = 0.5, .ti = 1},
+                                     .outer = {.kp = 3, .ti = 10},
+                                     .cascaded = true,
+                                     .inner = {.kp = 0.5, .ti = 1},
                                      .low = 0,
                                      .high = 10,
                                      .lag = 1};
@@ -194,7 +195,7 @@ static void pump_lags_behind_its_command(void **state)
     /* inner gain 1 and no integral: command = actual + (wanted - actual) = wanted = high */
     struct sim_loop stiff = loop;
     struct sim_loop_state cascade;
-    stiff.flow = (struct sim_pid){.kp = 1};
+    stiff.inner = (struct sim_pid){.kp = 1};
     sim_loop_init(&cascade, 0);
     double u = 0;
     for (int k = 0; k < 20; k++)
@@ -347,23 +348,20 @@ static void a_sinusoid_goes_on_between_the_samples(void **state)
     }
 }
 
-/* b' = u_1 under a loop of gain 1: b_(k+1) = b_k + T (r - b_k). */
+/* b' = u_1 under a controller of gain 1: b_(k+1) = b_k + T (r - b_k). */
 static void a_loop_acts_on_what_it_measures(void **state)
 {
     (void)state;
     const struct sim_loop proportional = {
-        .output = 1, .level = {.kp = 1}, .flow = {.kp = 1}, .low = -100, .high = 100};
+        .output = 1, .outer = {.kp = 1}, .low = -100, .high = 100};
     const struct sim_drive drives[] = {{.input = 1, .signal = {.value = 8}, .loop = &proportional}};
     struct sim_config config = config_of(drives, 1);
     struct simulator *sim = must_create(&config);
-    struct sim_loop_state twin;
     double b = 0;
-    sim_loop_init(&twin, 0);
     for (int k = 0; k < 30; k++) {
-        const double u = sim_loop_step(&proportional, &twin, 0.25, 8, b, true);
-        near_to(sim_input(sim)[1], u, 1e-7);
+        near_to(sim_input(sim)[1], 8 - b, 1e-7);
         near_to(sim_state(sim)[1], b, 1e-7);
-        b += 0.25 * u;
+        b += 0.25 * (8 - b);
         must_step(sim);
     }
     sim_destroy(sim);
