@@ -13,10 +13,10 @@
 
 /* Columns 0 .. 4 LANES - 1. */
 static inline void combine_4(int k, const dse_real *a, int sa, const dse_real *B, int sb,
-                             dse_real sign, dse_real *c)
+                             dse_real sign, const dse_real *from, dse_real *c)
 {
-    lanes c0 = lanes_load(c), c1 = lanes_load(c + LANES), c2 = lanes_load(c + 2 * LANES),
-          c3 = lanes_load(c + 3 * LANES);
+    lanes c0 = lanes_load(from), c1 = lanes_load(from + LANES), c2 = lanes_load(from + 2 * LANES),
+          c3 = lanes_load(from + 3 * LANES);
     lanes d0 = lanes_all(0), d1 = d0, d2 = d0, d3 = d0;
     for (; k >= 2; k -= 2, a += 2 * sa, B += 2 * sb) {
         const lanes even = lanes_all(sign * a[0]), odd = lanes_all(sign * a[sa]);
@@ -43,9 +43,9 @@ static inline void combine_4(int k, const dse_real *a, int sa, const dse_real *B
 }
 
 static inline void combine_2(int k, const dse_real *a, int sa, const dse_real *B, int sb,
-                             dse_real sign, dse_real *c)
+                             dse_real sign, const dse_real *from, dse_real *c)
 {
-    lanes c0 = lanes_load(c), c1 = lanes_load(c + LANES), d0 = lanes_all(0), d1 = d0;
+    lanes c0 = lanes_load(from), c1 = lanes_load(from + LANES), d0 = lanes_all(0), d1 = d0;
     for (; k >= 2; k -= 2, a += 2 * sa, B += 2 * sb) {
         const lanes even = lanes_all(sign * a[0]), odd = lanes_all(sign * a[sa]);
         c0 += even * lanes_load(B);
@@ -63,9 +63,9 @@ static inline void combine_2(int k, const dse_real *a, int sa, const dse_real *B
 }
 
 static inline void combine_1(int k, const dse_real *a, int sa, const dse_real *B, int sb,
-                             dse_real sign, dse_real *c)
+                             dse_real sign, const dse_real *from, dse_real *c)
 {
-    lanes c0 = lanes_load(c), d0 = lanes_all(0);
+    lanes c0 = lanes_load(from), d0 = lanes_all(0);
     for (; k >= 2; k -= 2, a += 2 * sa, B += 2 * sb) {
         c0 += lanes_all(sign * a[0]) * lanes_load(B);
         d0 += lanes_all(sign * a[sa]) * lanes_load(B + sb);
@@ -76,9 +76,9 @@ static inline void combine_1(int k, const dse_real *a, int sa, const dse_real *B
 }
 
 static inline void combine_scalar(int k, const dse_real *a, int sa, const dse_real *B, int sb,
-                                  dse_real sign, dse_real *c)
+                                  dse_real sign, const dse_real *from, dse_real *c)
 {
-    dse_real c0 = *c, d0 = 0;
+    dse_real c0 = *from, d0 = 0;
     for (; k >= 2; k -= 2, a += 2 * sa, B += 2 * sb) {
         c0 += sign * a[0] * B[0];
         d0 += sign * a[sa] * B[sb];
@@ -88,35 +88,36 @@ static inline void combine_scalar(int k, const dse_real *a, int sa, const dse_re
     *c = c0 + d0;
 }
 
-/* a has stride sa, the rows of B have stride sb; sign is 1 or -1. c overlaps neither. */
+/* c = from +- ..., from may be c. a has stride sa, the rows of B have stride sb; sign is 1 or -1.
+ * c overlaps neither a nor B. */
 static inline void combine(int n, int k, const dse_real *a, int sa, const dse_real *B, int sb,
-                           dse_real sign, dse_real *c)
+                           dse_real sign, const dse_real *from, dse_real *c)
 {
     int j = 0;
     for (; j + 4 * LANES <= n; j += 4 * LANES)
-        combine_4(k, a, sa, B + j, sb, sign, c + j);
+        combine_4(k, a, sa, B + j, sb, sign, from + j, c + j);
     if (j + 2 * LANES <= n) {
-        combine_2(k, a, sa, B + j, sb, sign, c + j);
+        combine_2(k, a, sa, B + j, sb, sign, from + j, c + j);
         j += 2 * LANES;
     }
     if (j + LANES <= n) {
-        combine_1(k, a, sa, B + j, sb, sign, c + j);
+        combine_1(k, a, sa, B + j, sb, sign, from + j, c + j);
         j += LANES;
     }
     for (; j < n; j++)
-        combine_scalar(k, a, sa, B + j, sb, sign, c + j);
+        combine_scalar(k, a, sa, B + j, sb, sign, from + j, c + j);
 }
 
 static inline void combine_add(int n, int k, const dse_real *a, int sa, const dse_real *B, int sb,
                                dse_real *c)
 {
-    combine(n, k, a, sa, B, sb, 1, c);
+    combine(n, k, a, sa, B, sb, 1, c, c);
 }
 
 static inline void combine_subtract(int n, int k, const dse_real *a, int sa, const dse_real *B,
                                     int sb, dse_real *c)
 {
-    combine(n, k, a, sa, B, sb, -1, c);
+    combine(n, k, a, sa, B, sb, -1, c, c);
 }
 
 #endif

@@ -1,4 +1,4 @@
-/* Time of one extended-Kalman-filter step (predict and update) against three other implementations
+/* Time of one extended-Kalman-filter step (predict and update) against other implementations
  * in the same run. Contenders take turns in short rounds, so that whatever else the machine does
  * hits all alike; the fastest round of each is what its code can do, the median what it does.
  * Prints a table; exits with 1 only when contenders disagree about the estimate. */
@@ -15,7 +15,7 @@
 #define SAMPLES        64  /* different measurements, used in a circle */
 #define ROUNDS         301 /* per contender and size */
 #define ROUND_NS       40000.0
-#define MAX_CONTENDERS 4
+#define MAX_CONTENDERS 6
 
 #ifdef DSE_REAL_IS_float
 #define PRECISION "float"
@@ -174,6 +174,9 @@ static int bench_size(int nx, int ny)
 #ifdef BENCH_BLASFEO
     count += pick(bench_ekf_blasfeo, 1, nx, ny, &entries[count]);
 #endif
+    const int first_joseph = count;
+    count += pick(bench_ekf_loops_joseph, 5, nx, ny, &entries[count]);
+    count += pick(bench_ekf_eigen_joseph, 5, nx, ny, &entries[count]);
     for (int c = 0; c < count; c++) {
         entries[c].contender->start(&problem);
         (void)time_round(entries[c].contender, 10 * SAMPLES);
@@ -185,17 +188,16 @@ static int bench_size(int nx, int ny)
         for (int c = 0; c < count; c++)
             entries[c].ns[r] = time_round(entries[c].contender, steps);
 
-    double best = INFINITY, best_median = INFINITY;
-    printf("%2d %2d ", nx, ny);
+    double best[2] = {INFINITY, INFINITY}; /* symmetric form, Joseph's form */
+    printf("%2d %2d", nx, ny);
     for (int c = 0; c < count; c++) {
+        double *form = &best[c >= first_joseph];
         qsort(entries[c].ns, ROUNDS, sizeof entries[c].ns[0], compare);
-        printf("  %8.1f %8.1f", entries[c].ns[0], entries[c].ns[ROUNDS / 2]);
-        if (c > 0) {
-            best = fmin(best, entries[c].ns[0]);
-            best_median = fmin(best_median, entries[c].ns[ROUNDS / 2]);
-        }
+        printf(" %8.0f/%-8.0f", entries[c].ns[0], entries[c].ns[ROUNDS / 2]);
+        if (c > 0)
+            *form = fmin(*form, entries[c].ns[0]);
     }
-    printf("   %5.2f %5.2f\n", entries[0].ns[0] / best, entries[0].ns[ROUNDS / 2] / best_median);
+    printf("  %6.2f %6.2f\n", entries[0].ns[0] / best[0], entries[0].ns[0] / best[1]);
     for (int c = 1; c < count; c++) {
         const double d = deviation(&entries[0], &entries[c], nx);
         if (!(d <= AGREEMENT)) {
@@ -211,13 +213,13 @@ int main(void)
 {
     static const int sizes[][2] = {{2, 1}, {4, 2}, {8, 4}, {15, 6}, {30, 10}};
     int disagree = 0;
-    printf("EKF step in ns, " PRECISION
-           ": fastest round and median of %d; ratio of dse to the best of the others\n"
-           "nx ny   dse               loops              eigen             "
+    printf("EKF step, " PRECISION ": ns of the fastest round / of the median of %d rounds.\n"
+           "J: Joseph's form, else P - W'W. Ratio of dse to the best of each form (fastest).\n"
+           "nx ny   dse               loops             eigen           "
 #ifdef BENCH_BLASFEO
-           " blasfeo          "
+           "  blasfeo         "
 #endif
-           "   ratio\n",
+           "  loops J           eigen J            ratio  to J\n",
            ROUNDS);
     for (size_t s = 0; s < sizeof sizes / sizeof sizes[0]; s++)
         disagree |= bench_size(sizes[s][0], sizes[s][1]);

@@ -28,9 +28,14 @@ struct contender {
     void (*read)(dse_real *x, dse_real *P);
 };
 
+/* Two forms of the covariance update. Symmetric: P - W' W, the cheapest, definite as long as
+ * rounding lets it. Joseph: A P A' + K R K', definite but for the rounding of its own products.
+ * (The library's factors are definite whatever the rounding.) */
 extern const struct contender bench_ekf_dse[1];
 extern const struct contender bench_ekf_loops[5];
+extern const struct contender bench_ekf_loops_joseph[5];
 extern const struct contender bench_ekf_eigen[5];
+extern const struct contender bench_ekf_eigen_joseph[5];
 extern const struct contender bench_ekf_blasfeo[1];
 
 #ifdef __cplusplus

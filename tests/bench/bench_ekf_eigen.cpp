@@ -6,7 +6,7 @@
 namespace
 {
 
-template <int NX, int NY> struct Filter {
+template <int NX, int NY, bool JOSEPH> struct Filter {
     using Vector = Eigen::Matrix<dse_real, NX, 1>;
     using Square = Eigen::Matrix<dse_real, NX, NX, Eigen::RowMajor>;
     // Eigen wants a matrix with one row to be stored by rows, which it is in both cases.
@@ -60,9 +60,20 @@ template <int NX, int NY> struct Filter {
             return 1;
         llt.matrixL().solveInPlace(W);
         llt.matrixL().solveInPlace(e);
-        // P = P - W' W, x = x + W' L^-1 e
-        x.noalias() += W.transpose() * e;
-        P.noalias() -= W.transpose() * W;
+        x.noalias() += W.transpose() * e; // x = x + W' L^-1 e
+        if constexpr (JOSEPH) {
+            // K' = L^-T W, A = I - K H, P = A P A' + K R K', symmetric
+            llt.matrixU().solveInPlace(W);
+            F = Square::Identity();
+            F.noalias() -= W.transpose() * H;
+            FP.noalias() = F * P;
+            P.noalias() = FP * F.transpose();
+            const Output RK = R.diagonal().asDiagonal() * W;
+            P.noalias() += W.transpose() * RK;
+            P.template triangularView<Eigen::StrictlyLower>() = P.transpose();
+        } else {
+            P.noalias() -= W.transpose() * W; // P = P - W' W
+        }
         return 0;
     }
 
@@ -73,14 +84,19 @@ template <int NX, int NY> struct Filter {
     }
 };
 
-template <int NX, int NY> contender make()
+template <int NX, int NY, bool JOSEPH> contender make()
 {
-    return {"eigen", NX, NY, Filter<NX, NY>::start, Filter<NX, NY>::step, Filter<NX, NY>::read};
+    using F = Filter<NX, NY, JOSEPH>;
+    return {JOSEPH ? "eigen J" : "eigen", NX, NY, F::start, F::step, F::read};
 }
 
 } // namespace
 
 extern "C" {
-extern const contender bench_ekf_eigen[5] = {make<2, 1>(), make<4, 2>(), make<8, 4>(),
-                                             make<15, 6>(), make<30, 10>()};
+extern const contender bench_ekf_eigen[5] = {make<2, 1, false>(), make<4, 2, false>(),
+                                             make<8, 4, false>(), make<15, 6, false>(),
+                                             make<30, 10, false>()};
+extern const contender bench_ekf_eigen_joseph[5] = {make<2, 1, true>(), make<4, 2, true>(),
+                                                    make<8, 4, true>(), make<15, 6, true>(),
+                                                    make<30, 10, true>()};
 }

@@ -1,13 +1,13 @@
-/* The filter in plain loops of constant length, one copy per size. */
+/* The filter in plain loops of constant length, one copy per size and form of the update. */
 #include <stddef.h>
 
 #include "bench_ekf.h"
 
 #include <math.h>
 
-#define JOIN_(a, b, c) a##b##_##c
-#define JOIN(a, b, c)  JOIN_(a, b, c)
-#define NAME(what)     JOIN(what, NX, NY)
+#define JOIN_(a, b, c, d) a##b##_##c##_##d
+#define JOIN(a, b, c, d)  JOIN_(a, b, c, d)
+#define NAME(what)        JOIN(what, NX, NY, JOSEPH)
 
 #ifdef DSE_REAL_IS_float
 #define SQRT sqrtf
@@ -15,8 +15,9 @@
 #define SQRT sqrt
 #endif
 
-#define NX 2
-#define NY 1
+#define JOSEPH 0
+#define NX     2
+#define NY     1
 #include "bench_ekf_loops_body.h"
 #undef NX
 #undef NY
@@ -38,11 +39,49 @@
 #define NX 30
 #define NY 10
 #include "bench_ekf_loops_body.h"
+#undef NX
+#undef NY
+#undef JOSEPH
+
+#define JOSEPH 1
+#define NX     2
+#define NY     1
+#include "bench_ekf_loops_body.h"
+#undef NX
+#undef NY
+#define NX 4
+#define NY 2
+#include "bench_ekf_loops_body.h"
+#undef NX
+#undef NY
+#define NX 8
+#define NY 4
+#include "bench_ekf_loops_body.h"
+#undef NX
+#undef NY
+#define NX 15
+#define NY 6
+#include "bench_ekf_loops_body.h"
+#undef NX
+#undef NY
+#define NX 30
+#define NY 10
+#include "bench_ekf_loops_body.h"
+#undef NX
+#undef NY
+#undef JOSEPH
+
+#define ENTRY(name, nx, ny, joseph)                                                                \
+    {                                                                                              \
+        name, nx, ny, start_##nx##_##ny##_##joseph, step_##nx##_##ny##_##joseph,                   \
+            read_##nx##_##ny##_##joseph                                                            \
+    }
 
 const struct contender bench_ekf_loops[5] = {
-    {"loops", 2, 1, start_2_1, step_2_1, read_2_1},
-    {"loops", 4, 2, start_4_2, step_4_2, read_4_2},
-    {"loops", 8, 4, start_8_4, step_8_4, read_8_4},
-    {"loops", 15, 6, start_15_6, step_15_6, read_15_6},
-    {"loops", 30, 10, start_30_10, step_30_10, read_30_10},
+    ENTRY("loops", 2, 1, 0),  ENTRY("loops", 4, 2, 0),   ENTRY("loops", 8, 4, 0),
+    ENTRY("loops", 15, 6, 0), ENTRY("loops", 30, 10, 0),
+};
+const struct contender bench_ekf_loops_joseph[5] = {
+    ENTRY("loops J", 2, 1, 1),  ENTRY("loops J", 4, 2, 1),   ENTRY("loops J", 8, 4, 1),
+    ENTRY("loops J", 15, 6, 1), ENTRY("loops J", 30, 10, 1),
 };

@@ -1,5 +1,6 @@
-/* Body of bench_ekf_loops.c for one pair of NX, NY (included once per pair, hence no guard). Every
- * inner loop runs along rows, so that the compiler can unroll and vectorise it. */
+/* Body of bench_ekf_loops.c for one pair of NX, NY and one form of the update: JOSEPH 0 or 1
+ * (included once per combination, hence no guard). Every inner loop runs along rows, so that the
+ * compiler can unroll and vectorise it. */
 
 static struct {
     const struct problem *problem;
@@ -41,7 +42,7 @@ static int NAME(step_)(dse_real t, const dse_real *y)
     dse_real(*const P)[NX] = NAME(filter_).P;
     dse_real *const x = NAME(filter_).x;
     dse_real F[NX][NX], Ft[NX][NX], FP[NX][NX], H[NY][NX], HP[NY][NX], S[NY][NY];
-    dse_real next[NX], e[NY];
+    dse_real next[NX], e[NY], inverses[NY];
 
     /* x = f(x), P = F P F' + Q */
     if (model->f(model, t, x, NULL, next) || model->dfdx(model, t, x, NULL, &F[0][0]))
@@ -80,6 +81,7 @@ static int NAME(step_)(dse_real t, const dse_real *y)
         if (!(S[j][j] > 0))
             return 1;
         const dse_real inverse = 1 / SQRT(S[j][j]);
+        inverses[j] = inverse;
         for (int i = j; i < NY; i++)
             S[i][j] *= inverse;
         for (int k = 0; k < j; k++) {
@@ -91,14 +93,45 @@ static int NAME(step_)(dse_real t, const dse_real *y)
         for (int i = 0; i < NX; i++)
             HP[j][i] *= inverse;
     }
-    /* P = P - W' W, x = x + W' e */
+    /* x = x + W' e */
     for (int k = 0; k < NY; k++)
         for (int i = 0; i < NX; i++)
             x[i] += HP[k][i] * e[k];
+#if JOSEPH
+    /* K' = L^-T W,  A = I - K H,  P = A P A' + K R K' (R diagonal) */
+    for (int j = NY - 1; j >= 0; j--) {
+        for (int k = j + 1; k < NY; k++)
+            for (int i = 0; i < NX; i++)
+                HP[j][i] -= S[k][j] * HP[k][i];
+        for (int i = 0; i < NX; i++)
+            HP[j][i] *= inverses[j];
+    }
+    for (int i = 0; i < NX; i++) {
+        for (int j = 0; j < NX; j++)
+            F[i][j] = i == j;
+        for (int k = 0; k < NY; k++)
+            for (int j = 0; j < NX; j++)
+                F[i][j] -= HP[k][i] * H[k][j];
+        for (int j = 0; j < NX; j++)
+            Ft[j][i] = F[i][j];
+    }
+    NAME(product_)(NX, (const dse_real(*)[NX])F, (const dse_real(*)[NX])P, FP);
+    NAME(product_)(NX, (const dse_real(*)[NX])FP, (const dse_real(*)[NX])Ft, P);
+    for (int i = 0; i < NX; i++)
+        for (int k = 0; k < NY; k++)
+            for (int j = 0; j < NX; j++)
+                P[i][j] += HP[k][i] * NAME(filter_).R[k][k] * HP[k][j];
+    for (int i = 0; i < NX; i++)
+        for (int j = i + 1; j < NX; j++)
+            P[j][i] = P[i][j];
+#else
+    /* P = P - W' W */
     for (int i = 0; i < NX; i++)
         for (int k = 0; k < NY; k++)
             for (int j = 0; j < NX; j++)
                 P[i][j] -= HP[k][i] * HP[k][j];
+#endif
+    (void)inverses;
     return 0;
 }
 

@@ -50,7 +50,8 @@ bool dse_factored_is_finite(int n, const dse_real *T, const dse_real *d);
  * the digits, else weighted Gram-Schmidt (two to three times the work) avoids the sum.
  * DSE_ENONFINITE; DSE_ENOTPD (Q, noticed only where P is nearly singular); Tp and dp are then
  * undefined. */
-#define DSE_FACTORED_PREDICT_SCRATCH(n) (2 * DSE_FACTORED_SIZE(n) + 2 * (n))
+#define DSE_FACTORED_PREDICT_SCRATCH(n)                                                            \
+    (2 * DSE_FACTORED_SIZE(n) + 2 * (n) + 4 * DSE_FACTORED_STRIDE(n))
 enum dse_status dse_factored_predict(int n, const dse_real *T, const dse_real *d, const dse_real *Q,
                                      dse_real w, const dse_real *F, dse_real *Tp, dse_real *dp,
                                      dse_real *scratch);
@@ -69,7 +70,7 @@ dse_real dse_factored_form(int n, int m, const dse_real *d, const dse_real *G, i
  * normalised innovation squared e' (H P H' + R)^-1 e. Nothing is checked: overflow leaves
  * infinities or NaN. */
 #define DSE_FACTORED_UPDATE_SCRATCH(n, m)                                                          \
-    (5 * (n) + 2 + DSE_FACTORED_STRIDE(n) + DSE_FACTORED_STRIDE(m))
+    (2 * (3 * (n) + DSE_FACTORED_STRIDE(n) + DSE_FACTORED_STRIDE(m)) + 2 * (n) + 2)
 dse_real dse_factored_update(int n, int m, const dse_real *T, const dse_real *d, dse_real *G,
                              const dse_real *r, dse_real *e, dse_real *Tn, dse_real *dn,
                              dse_real *dx, dse_real *scratch);
