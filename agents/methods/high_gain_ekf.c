@@ -96,7 +96,7 @@ static void fill_config(struct node *node, const struct method_setup *setup)
     config->period = (dse_real)setup->period;
     config->coords = section->coordinates;
     config->scaling = section->scaling;
-    config->gain = section->gain;
+    config->gain = high_gain_ekf_gain(section, i);
     config->innovation = section->innovation;
     config->communication = section->communication.kind;
     config->predictor = section->communication.predictor;

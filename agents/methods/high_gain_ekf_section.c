@@ -18,6 +18,8 @@ static const cyaml_strval_t scalings[] = {{"full", DSE_HIGH_GAIN_FULL},
 static const cyaml_strval_t gains[] = {{"adaptive", DSE_HIGH_GAIN_ADAPT},
                                        {"one", DSE_HIGH_GAIN_ONE},
                                        {"permanent", DSE_HIGH_GAIN_MAX}};
+static const cyaml_schema_value_t gain_word = {
+    CYAML_VALUE_ENUM(CYAML_FLAG_STRICT, enum dse_high_gain_gain, gains, CYAML_ARRAY_LEN(gains))};
 static const cyaml_strval_t innovations[] = {{"own", DSE_HIGH_GAIN_OWN},
                                              {"sum", DSE_HIGH_GAIN_SUM}};
 static const cyaml_strval_t kinds[] = {
@@ -40,6 +42,8 @@ const cyaml_schema_field_t high_gain_ekf_fields[] = {
                      CYAML_ARRAY_LEN(scalings)),
     CYAML_FIELD_ENUM("gain", WORD, struct high_gain_ekf_section, gain, gains,
                      CYAML_ARRAY_LEN(gains)),
+    CYAML_FIELD_SEQUENCE("gains", OPTIONAL_POINTER, struct high_gain_ekf_section, gains, &gain_word,
+                         1, LONGEST_LIST),
     CYAML_FIELD_ENUM("innovation", WORD, struct high_gain_ekf_section, innovation, innovations,
                      CYAML_ARRAY_LEN(innovations)),
     CYAML_FIELD_MAPPING("communication", CYAML_FLAG_OPTIONAL, struct high_gain_ekf_section,
@@ -71,6 +75,11 @@ const struct scenario_rule high_gain_ekf_rules[] = {
      SCENARIO_ANY,
      .absent = "adaptive",
      .meaning = "theta adapted; theta = 1: regular EKF; theta = 2 theta_m: permanent high gain"},
+    {.key = "gains",
+     SCENARIO_ANY,
+     .count = SCENARIO_PER_SUBSYSTEM,
+     .absent = "all as gain",
+     .meaning = "the same word for each filter, where they differ"},
     {.key = "innovation",
      SCENARIO_ANY,
      .absent = "own",
@@ -116,6 +125,11 @@ const struct scenario_rule high_gain_ekf_rules[] = {
      .absent = "identity",
      .meaning = "diagonals of P_1(0), P_2(0), .. in turn"},
     {.key = NULL}};
+
+enum dse_high_gain_gain high_gain_ekf_gain(const struct high_gain_ekf_section *section, int i)
+{
+    return section->gains != NULL ? section->gains[i] : section->gain;
+}
 
 int high_gain_ekf_horizon(const struct high_gain_ekf_section *section, double period)
 {

@@ -20,6 +20,8 @@ struct high_gain_ekf_section {
     enum dse_high_gain_coords coordinates;
     enum dse_high_gain_scaling scaling;
     enum dse_high_gain_gain gain;
+    enum dse_high_gain_gain *gains; /* p, NULL: all as `gain` */
+    unsigned gains_count;
     enum dse_high_gain_innovation innovation;
     struct high_gain_ekf_communication communication;
     double d; /* horizon of J */
@@ -37,6 +39,8 @@ extern const struct scenario_rule high_gain_ekf_rules[];
 
 /* N_d = d / T_s in ticks. */
 int high_gain_ekf_horizon(const struct high_gain_ekf_section *section, double period);
+/* Of the filter of subsystem i. */
+enum dse_high_gain_gain high_gain_ekf_gain(const struct high_gain_ekf_section *section, int i);
 /* Combinations that no limit on a single number covers; period T_s in plant time. */
 bool high_gain_ekf_section_check(const struct high_gain_ekf_section *section, double period,
                                  struct error *error);

@@ -20,7 +20,9 @@ static const char *type_of(const cyaml_schema_value_t *schema)
         return "text";
     case CYAML_SEQUENCE:
     case CYAML_SEQUENCE_FIXED:
-        return schema->sequence.entry->type == CYAML_MAPPING ? "list of groups" : "list of numbers";
+        return schema->sequence.entry->type == CYAML_MAPPING ? "list of groups"
+               : schema->sequence.entry->type == CYAML_ENUM  ? "list of words"
+                                                             : "list of numbers";
     default:
         return "group of keys";
     }
@@ -48,6 +50,8 @@ static void allowed_text(const cyaml_schema_value_t *schema, const struct scenar
 {
     size_t n = 0;
     scenario_limits_text(rule, text, size);
+    if (schema->type == CYAML_SEQUENCE && schema->sequence.entry->type == CYAML_ENUM)
+        schema = schema->sequence.entry;
     for (uint32_t i = 0; schema->type == CYAML_ENUM && i < schema->enumeration.count && n < size;
          i++)
         n += (size_t)snprintf(text + n, size - n, "%s%s", i > 0 ? "|" : "",
