@@ -55,24 +55,36 @@ static struct inbox_slot *find_slot(struct inbox *inbox, int64_t k, int round)
     return NULL;
 }
 
-/* A place for (k, round); NULL when all are taken by messages of coming rounds: this one will be
- * asked for in its turn. */
+static bool is_later(const struct inbox_slot *slot, int64_t k, int round)
+{
+    return slot->k > k || (slot->k == k && slot->round > round);
+}
+
+/* A place for (k, round): one that is free, or that of the latest message, which will be asked for
+ * in its turn. NULL when all others are for earlier rounds. */
 static struct inbox_slot *open_slot(const struct node *node, struct inbox *inbox, int64_t k,
                                     int round)
 {
     struct inbox_slot *slot = find_slot(inbox, k, round);
     if (slot != NULL)
         return slot;
+    slot = &inbox->slots[0];
     for (int s = 0; s < NODE_INBOX; s++) {
-        slot = &inbox->slots[s];
-        if (slot->k >= 0 && !is_over(node, slot->k, slot->round))
-            continue;
-        slot->k = k;
-        slot->round = round;
-        message_vector_reset(&slot->vector);
-        return slot;
+        struct inbox_slot *other = &inbox->slots[s];
+        if (other->k < 0 || is_over(node, other->k, other->round)) {
+            slot = other;
+            break;
+        }
+        if (is_later(other, slot->k, slot->round))
+            slot = other;
     }
-    return NULL;
+    bool is_free = slot->k < 0 || is_over(node, slot->k, slot->round);
+    if (!is_free && !is_later(slot, k, round))
+        return NULL;
+    slot->k = k;
+    slot->round = round;
+    message_vector_reset(&slot->vector);
+    return slot;
 }
 
 static bool make_room(struct message_vector *vector, int parts)
