@@ -20,12 +20,33 @@ static const cyaml_strval_t gains[] = {{"adaptive", DSE_HIGH_GAIN_ADAPT},
                                        {"permanent", DSE_HIGH_GAIN_MAX}};
 static const cyaml_schema_value_t gain_word = {
     CYAML_VALUE_ENUM(CYAML_FLAG_STRICT, enum dse_high_gain_gain, gains, CYAML_ARRAY_LEN(gains))};
+static const cyaml_strval_t frameworks[] = {{"distributed", HIGH_GAIN_EKF_DISTRIBUTED},
+                                            {"centralised", HIGH_GAIN_EKF_CENTRALISED}};
 static const cyaml_strval_t innovations[] = {{"own", DSE_HIGH_GAIN_OWN},
                                              {"sum", DSE_HIGH_GAIN_SUM}};
-static const cyaml_strval_t kinds[] = {
-    {"tick", DSE_HIGH_GAIN_TICK}, {"stages", DSE_HIGH_GAIN_STAGES}, {"none", DSE_HIGH_GAIN_NONE}};
+static const cyaml_strval_t kinds[] = {{"tick", DSE_HIGH_GAIN_TICK},
+                                       {"stages", DSE_HIGH_GAIN_STAGES},
+                                       {"none", DSE_HIGH_GAIN_NONE},
+                                       {"triggered", DSE_HIGH_GAIN_TRIGGERED}};
+static const cyaml_strval_t norms[] = {{"absolute", DSE_TRIGGER_ABSOLUTE},
+                                       {"relative", DSE_TRIGGER_RELATIVE}};
 static const cyaml_strval_t predictors[] = {{"true", DSE_HIGH_GAIN_PREDICT},
                                             {"false", DSE_HIGH_GAIN_HOLD}};
+
+static const cyaml_schema_field_t trigger_fields[] = {
+    CYAML_FIELD_ENUM("norm", WORD, struct high_gain_ekf_trigger, norm, norms,
+                     CYAML_ARRAY_LEN(norms)),
+    CYAML_FIELD_FLOAT("L", CYAML_FLAG_DEFAULT, struct high_gain_ekf_trigger, L),
+    CYAML_FIELD_SEQUENCE("H", OPTIONAL_POINTER, struct high_gain_ekf_trigger, H, &number, 1,
+                         LONGEST_LIST),
+    CYAML_FIELD_END};
+
+static const cyaml_schema_field_t parameter_fields[] = {
+    CYAML_FIELD_STRING_PTR("name", CYAML_FLAG_POINTER, struct scenario_parameter, name, 1, 63),
+    CYAML_FIELD_FLOAT("value", CYAML_FLAG_DEFAULT, struct scenario_parameter, value),
+    CYAML_FIELD_END};
+static const cyaml_schema_value_t parameter = {
+    CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct scenario_parameter, parameter_fields)};
 
 static const cyaml_schema_field_t communication_fields[] = {
     CYAML_FIELD_ENUM("kind", WORD, struct high_gain_ekf_communication, kind, kinds,
@@ -33,9 +54,15 @@ static const cyaml_schema_field_t communication_fields[] = {
     CYAML_FIELD_UINT("every", CYAML_FLAG_OPTIONAL, struct high_gain_ekf_communication, every),
     CYAML_FIELD_ENUM("predictor", WORD, struct high_gain_ekf_communication, predictor, predictors,
                      CYAML_ARRAY_LEN(predictors)),
+    CYAML_FIELD_MAPPING_PTR("trigger", OPTIONAL_POINTER, struct high_gain_ekf_communication,
+                            trigger, trigger_fields),
+    CYAML_FIELD_MAPPING_PTR("link", OPTIONAL_POINTER, struct high_gain_ekf_communication, link,
+                            lossy_link_fields),
     CYAML_FIELD_END};
 
 const cyaml_schema_field_t high_gain_ekf_fields[] = {
+    CYAML_FIELD_ENUM("framework", WORD, struct high_gain_ekf_section, framework, frameworks,
+                     CYAML_ARRAY_LEN(frameworks)),
     CYAML_FIELD_ENUM("coordinates", WORD, struct high_gain_ekf_section, coordinates, coordinates,
                      CYAML_ARRAY_LEN(coordinates)),
     CYAML_FIELD_ENUM("scaling", WORD, struct high_gain_ekf_section, scaling, scalings,
@@ -48,6 +75,8 @@ const cyaml_schema_field_t high_gain_ekf_fields[] = {
                      CYAML_ARRAY_LEN(innovations)),
     CYAML_FIELD_MAPPING("communication", CYAML_FLAG_OPTIONAL, struct high_gain_ekf_section,
                         communication, communication_fields),
+    CYAML_FIELD_SEQUENCE("predictor_parameters", OPTIONAL_POINTER, struct high_gain_ekf_section,
+                         predictor_parameters, &parameter, 0, DSE_PLANT_MAX_PARAMETERS),
     CYAML_FIELD_FLOAT("d", CYAML_FLAG_DEFAULT, struct high_gain_ekf_section, d),
     CYAML_FIELD_FLOAT("DeltaT", CYAML_FLAG_DEFAULT, struct high_gain_ekf_section, DeltaT),
     CYAML_FIELD_FLOAT("beta", CYAML_FLAG_DEFAULT, struct high_gain_ekf_section, beta),
@@ -63,6 +92,10 @@ const cyaml_schema_field_t high_gain_ekf_fields[] = {
     CYAML_FIELD_END};
 
 const struct scenario_rule high_gain_ekf_rules[] = {
+    {.key = "framework",
+     SCENARIO_ANY,
+     .absent = "distributed",
+     .meaning = "a filter for each subsystem, or one for the whole plant with all outputs"},
     {.key = "coordinates",
      SCENARIO_ANY,
      .absent = "normal",
@@ -91,16 +124,39 @@ const struct scenario_rule high_gain_ekf_rules[] = {
     {.key = "communication.kind",
      SCENARIO_ANY,
      .absent = "tick",
-     .meaning = "at ticks; at every Runge-Kutta stage, four rounds per tick; never"},
+     .meaning = "at ticks; at every Runge-Kutta stage; never; at ticks where a trigger fires"},
     {.key = "communication.every",
      .min = 1,
      .max = 1000000,
      .absent = "1",
-     .meaning = "ticks between exchanges (kind tick)"},
+     .meaning = "ticks between exchanges, or between checks of the trigger"},
     {.key = "communication.predictor",
      SCENARIO_ANY,
      .absent = "true",
      .meaning = "between exchanges the neighbours' states follow the model; false: they are held"},
+    {.key = "communication.trigger",
+     SCENARIO_ANY,
+     .absent = "none; needed by kind triggered",
+     .meaning = "when a filter sends its state (kind triggered)"},
+    {.key = "communication.trigger.norm",
+     SCENARIO_ANY,
+     .absent = "absolute",
+     .meaning = "|H (z - z_q)|; |H (x - x_q)/x_q| of the physical estimate; q: last sent"},
+    {.key = "communication.trigger.L",
+     SCENARIO_AT_LEAST(0),
+     .meaning = "threshold: it sends when the norm is at least L"},
+    {.key = "communication.trigger.H",
+     SCENARIO_AT_LEAST(0),
+     .count = SCENARIO_PER_STATE,
+     .absent = "ones",
+     .meaning = "diagonals of H_1, H_2, .. in turn: weights of the norm"},
+    LOSSY_LINK_RULES("communication.link"),
+    {.key = "predictor_parameters",
+     SCENARIO_ANY,
+     .absent = "those of the filters",
+     .meaning = "plant parameters that the predictor of the neighbours' states believes in"},
+    {.key = "predictor_parameters[].name", SCENARIO_ANY, .meaning = "a parameter of the plant"},
+    {.key = "predictor_parameters[].value", SCENARIO_ANY, .meaning = "in the parameter's unit"},
     {.key = "d",
      SCENARIO_ABOVE(0),
      .meaning = "horizon of the innovation J, plant time; a whole number of periods"},
@@ -117,8 +173,8 @@ const struct scenario_rule high_gain_ekf_rules[] = {
      .meaning = "diagonals of Q_1, Q_2, .. in turn: process noise weight at theta = 1"},
     {.key = "R",
      SCENARIO_ABOVE(0),
-     .count = SCENARIO_PER_SUBSYSTEM,
-     .meaning = "R_1, R_2, ..: measurement noise weight at theta = 1"},
+     .count = SCENARIO_PER_OUTPUT,
+     .meaning = "R_1, R_2, ..: measurement noise weight of each output at theta = 1"},
     {.key = "P0",
      SCENARIO_ABOVE(0),
      .count = SCENARIO_PER_STATE,
@@ -136,15 +192,17 @@ int high_gain_ekf_horizon(const struct high_gain_ekf_section *section, double pe
     return (int)lround(section->d / period);
 }
 
-bool high_gain_ekf_section_check(const struct high_gain_ekf_section *section, double period,
-                                 struct error *error)
+static bool check_kind(const struct high_gain_ekf_communication *communication, struct error *error)
 {
-    const struct high_gain_ekf_communication *communication = &section->communication;
-    double ticks = section->d / period;
-    if (ticks < 0.5 || ticks > LONGEST_HORIZON)
-        return error_set(error,
-                         "high_gain_ekf.d: %.10g are %.3g sampling periods; it must be 1 to %d",
-                         section->d, ticks, LONGEST_HORIZON);
+    bool triggered = communication->kind == DSE_HIGH_GAIN_TRIGGERED;
+    if (triggered != (communication->trigger != NULL))
+        return error_set(error, triggered ? "high_gain_ekf.communication.trigger: kind triggered "
+                                            "needs it, with a threshold L"
+                                          : "high_gain_ekf.communication.trigger: it needs kind "
+                                            "triggered");
+    if (communication->link != NULL && communication->kind != DSE_HIGH_GAIN_TICK)
+        return error_set(error, "high_gain_ekf.communication.link: delays and losses go with kind "
+                                "tick only");
     if (communication->kind != DSE_HIGH_GAIN_STAGES)
         return true;
     if (communication->every > 1)
@@ -156,4 +214,21 @@ bool high_gain_ekf_section_check(const struct high_gain_ekf_section *section, do
         return error_set(error, "high_gain_ekf.communication.predictor: there is nothing between "
                                 "exchanges to predict or hold with kind stages; use kind tick");
     return true;
+}
+
+bool high_gain_ekf_section_check(const struct high_gain_ekf_section *section, double period,
+                                 struct error *error)
+{
+    const struct high_gain_ekf_communication *communication = &section->communication;
+    double ticks = section->d / period;
+    if (ticks < 0.5 || ticks > LONGEST_HORIZON)
+        return error_set(error,
+                         "high_gain_ekf.d: %.10g are %.3g sampling periods; it must be 1 to %d",
+                         section->d, ticks, LONGEST_HORIZON);
+    if (section->framework == HIGH_GAIN_EKF_CENTRALISED &&
+        (communication->link != NULL || communication->trigger != NULL || section->gains != NULL ||
+         section->predictor_parameters != NULL))
+        return error_set(error, "high_gain_ekf.framework: a centralised filter talks to nobody; "
+                                "link, trigger, gains and predictor_parameters do not go with it");
+    return check_kind(communication, error);
 }

@@ -17,7 +17,9 @@ enum dse_status dse_link_init(struct dse_link *link, const struct dse_link_confi
         return DSE_EINVAL;
     }
     *link = (struct dse_link){.config = config, .to = to, .from = from};
-    dse_random_init(&link->random, config->seed, (uint64_t)to << 32 | (uint32_t)from);
+    /* streams of their own, apart from those of the noise */
+    dse_random_init(&link->random, config->seed,
+                    UINT64_C(1) << 63 | (uint64_t)to << 32 | (uint32_t)from);
     return DSE_OK;
 }
 
