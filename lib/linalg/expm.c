@@ -70,8 +70,11 @@ enum dse_status dse_expm(int n, const dse_real *A, dse_real *E, dse_real *scratc
         return DSE_ENONFINITE;
     int squarings = 0;
     dse_real scale = 1;
-    for (; norm > THETA; norm *= DSE_REAL(0.5), scale *= DSE_REAL(0.5))
+    while (norm > THETA) {
+        norm *= DSE_REAL(0.5);
+        scale *= DSE_REAL(0.5);
         squarings++;
+    }
     for (int i = 0; i < size; i++)
         As[i] = A[i] * scale;
 
@@ -172,8 +175,11 @@ enum dse_status dse_van_loan(int n, const dse_real *A, const dse_real *Q, dse_re
         return DSE_ENONFINITE;
     int doublings = 0;
     dse_real step = h;
-    for (; norm > 1; norm *= DSE_REAL(0.5), step *= DSE_REAL(0.5))
+    while (norm > 1) {
+        norm *= DSE_REAL(0.5);
+        step *= DSE_REAL(0.5);
         doublings++;
+    }
     const enum dse_status status = van_loan_short(n, A, Q, step, Ad, Qd, scratch);
     if (status != DSE_OK)
         return status;

@@ -2,7 +2,7 @@
  * in the same run. Contenders take turns in short rounds, so that whatever else the machine does
  * hits all alike; the fastest round of each is what its code can do, the median what it does.
  * Prints a table; exits with 1 only when contenders disagree about the estimate. */
-#define _POSIX_C_SOURCE 200809L
+#define _POSIX_C_SOURCE 200809L /* NOLINT(bugprone-reserved-identifier): how POSIX is asked for */
 
 #include "bench_ekf.h"
 

@@ -13,13 +13,13 @@
 #define N_MAX 30
 #define AREA  (DSE_FACTORED_STRIDE(N_MAX) * DSE_FACTORED_STRIDE(N_MAX))
 #define EPS   DSE_REAL_EPSILON
-#define HUGE  DSE_REAL(1e12)
+#define VAST  DSE_REAL(1e12)
 #define TINY  DSE_REAL(1e-12)
 
 static const int sizes[] = {1, 2, 3, 4, 5, 8, 13, 15, 16, 30};
 #define N_SIZES ((int)(sizeof sizes / sizeof sizes[0]))
 
-static dse_real T[AREA], d[N_MAX], Tp[AREA], dp[N_MAX], v[N_MAX];
+static dse_real T[AREA], d[N_MAX], Tp[AREA], dp[N_MAX];
 static dse_real scratch[DSE_FACTORED_PREDICT_SCRATCH(N_MAX)];
 
 /* T for another size: zeros left of the diagonal. */
@@ -193,7 +193,7 @@ static void prediction_equals_the_dense_formula_for_any_rank(void **state)
 static void prediction_keeps_a_difference_that_a_dense_sum_would_lose(void **state)
 {
     (void)state;
-    dse_real Tc[8] = {1, 1, 0, 0, 0, 1, 0, 0}, dc[2] = {HUGE, TINY}; /* x2 = x1 + tiny */
+    dse_real Tc[8] = {1, 1, 0, 0, 0, 1, 0, 0}, dc[2] = {VAST, TINY}; /* x2 = x1 + tiny */
     const dse_real identity[4] = {1, 0, 0, 1};
     const dse_real difference[2] = {-1, 1};
     for (int step = 0; step < 100; step++) {
@@ -304,7 +304,7 @@ static void updates_keep_tiny_variances_below_huge_ones(void **state)
     static dse_real P[n * n], H[n * n];
     for (int i = 0; i < n; i++)
         for (int j = 0; j < n; j++)
-            P[i * n + j] = i == j ? HUGE : DSE_REAL(0.5) * HUGE;
+            P[i * n + j] = i == j ? VAST : DSE_REAL(0.5) * VAST;
     for (int trial = 0; trial < 50; trial++) {
         fill(n * n, H);
         for (int i = 0; i < n; i++)

@@ -73,8 +73,8 @@ enum dse_status dse_qr(int m, int n, dse_real *A, dse_real *tau);
 void dse_qr_apply_qt(int m, int n, const dse_real *QR, const dse_real *tau, dse_real *b);
 /* Least squares: x (n) minimises |A x - b|; b (m) is overwritten. */
 void dse_qr_solve(int m, int n, const dse_real *QR, const dse_real *tau, dse_real *b, dse_real *x);
-/* L (n x n lower, positive diagonal) with L L' = A A', A n x m, m >= n: the square-root (array) step
- * of a factored filter. A is overwritten. */
+/* L (n x n lower, positive diagonal) with L L' = A A', A n x m, m >= n: the square-root (array)
+ * step of a factored filter. A is overwritten. */
 void dse_lq_lower(int n, int m, dse_real *A, dse_real *L);
 
 /* ---- functions of matrices (lib/linalg/expm.c) ---- */
@@ -84,11 +84,12 @@ void dse_lq_lower(int n, int m, dse_real *A, dse_real *L);
 #define DSE_EXPM_SCRATCH(n) (7 * (n) * (n) + (n))
 enum dse_status dse_expm(int n, const dse_real *A, dse_real *E, dse_real *scratch);
 /* Exact discretisation of x' = A x + B u over h, u held: Ad (n x n), Bd (n x nu). */
-#define DSE_DISCRETISE_SCRATCH(n, nu) \
+#define DSE_DISCRETISE_SCRATCH(n, nu)                                                              \
     (2 * ((n) + (nu)) * ((n) + (nu)) + DSE_EXPM_SCRATCH((n) + (nu)))
 enum dse_status dse_discretise(int n, int nu, const dse_real *A, const dse_real *B, dse_real h,
                                dse_real *Ad, dse_real *Bd, dse_real *scratch);
-/* Van Loan: Ad = exp(A h) and Qd = int_0^h exp(A s) Q exp(A' s) ds for a noise intensity Q (n x n). */
+/* Van Loan: Ad = exp(A h) and Qd = int_0^h exp(A s) Q exp(A' s) ds for a noise intensity Q (n x n).
+ */
 #define DSE_VAN_LOAN_SCRATCH(n) (8 * (n) * (n) + DSE_EXPM_SCRATCH(2 * (n)))
 enum dse_status dse_van_loan(int n, const dse_real *A, const dse_real *Q, dse_real h, dse_real *Ad,
                              dse_real *Qd, dse_real *scratch);
