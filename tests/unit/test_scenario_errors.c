@@ -183,7 +183,7 @@ static void values_of_a_wrong_kind_are_refused(void **state)
         {"timeouts: {repeat_s: 0.1}", "timeouts: [1]", "timeouts: must be a group of keys"},
         {"kind: tick", "kind: ticks",
          "x.yaml:20: networks[0].high_gain_ekf.communication.kind: 'ticks' is not one of: tick, "
-         "stages, none (did you mean tick?)"},
+         "stages, none, triggered (did you mean tick?)"},
         {"distribution: uniform", "distribution: 1", "'1' is not one of: none, uniform, gaussian"},
         {"distribution: uniform", "distribution: []", "a list is not one of: none, uniform"},
         {"every: 2", "every: 2, predictor: maybe", "'maybe' is not one of: true, false"},
@@ -251,8 +251,7 @@ static void lists_have_the_length_that_the_plant_gives_them(void **state)
          "4, one per state"},
         {"guess: [396, 2.6, 352, 10.5]", "guess: []", "x.yaml:18: networks[0].guess: has 0 values"},
         {"R: [1, 1]", "R: [1]",
-         "R: has 1 values; it must have 2, one per subsystem of cstr2: "
-         "reactor 1, reactor 2"},
+         "R: has 1 values; it must have 2, one per output of cstr2: y1, y2"},
         {"Q: [150, 5, 150, 5]", "Q: [150, 5]", "Q: has 2 values; it must have 4, one per state"},
     };
     EXPECT_ALL(cases);
