@@ -7,6 +7,6 @@ in the functions that need them, so that `dse --help` stays quick.
 
 from types import ModuleType
 
-from dse.design import bounds, normal_form
+from dse.design import bounds, identify, normal_form, observability, tune
 
-COMMANDS: tuple[ModuleType, ...] = (normal_form, bounds)
+COMMANDS: tuple[ModuleType, ...] = (normal_form, observability, identify, tune, bounds)
