@@ -3,16 +3,17 @@
  *
  * A node passes through each sample like this:
  *
- *     begin(sample)
- *     for round = 0, 1, ..:
- *         next(round, plan, message)      METHOD_ROUND: say `message`, wait for `plan`;
- * METHOD_DONE: leave receive(round, from, message)   for every awaited node, in the order of the
- * plan finish(estimate)
+ * - begin(sample);
+ * - for round = 0, 1, ..: next(round, plan, message). METHOD_ROUND: `message` is said, then
+ *   receive(round, from, message) is called for every node of the plan, in its order.
+ *   METHOD_DONE: there is no further round;
+ * - finish(estimate).
  *
  * next() closes the round before it. A node whose message did not come before a deadline is left
  * out of the receive calls: the method predicts instead. Rounds need no fixed number: a coordinated
  * method ends when its coordinator says so. A coordinator is a node like the others, with the last
- * index of its network and without sensors.
+ * index of its network and without sensors. Where a node is heard by others but hears none of them,
+ * it may run at most 32 rounds ahead of them: older messages cannot be asked for any more.
  *
  * To add a method: one folder or file here that defines a `const struct method`, one line in
  * registry.c. */
@@ -27,7 +28,7 @@
 #include "runtime/error.h"
 #include "runtime/scenario.h"
 
-#define METHOD_MESSAGE_CAPACITY     1024 /* values of a node's message in one round */
+#define METHOD_MESSAGE_CAPACITY     2048 /* values of a node's message in one round: 64 parts */
 #define METHOD_MAX_NODES            1024 /* nodes of a network */
 #define METHOD_DIAGNOSTICS_CAPACITY 16
 

@@ -9,6 +9,7 @@
 #include <sys/random.h>
 #include <time.h>
 
+#include "runtime/announcement.h"
 #include "runtime/channels.h"
 #include "runtime/networks.h"
 #include "runtime/node.h"
@@ -39,6 +40,7 @@ struct clock {
     struct clock_config config;
     struct bus *bus;
     struct sender sender;
+    struct announcement announcement; /* the plant's run_info */
     struct message_counters counters;
     struct member *members;
     int n_members;
@@ -60,6 +62,12 @@ struct clock {
     int64_t late;     /* realtime: nodes that were not done when the next sample was due */
 };
 
+static double repeat_s(const struct clock *clock)
+{
+    double given = clock->config.scenario->timeouts.repeat_s;
+    return given > 0 ? given : DEFAULT_REPEAT;
+}
+
 static void fail(struct clock *clock, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 
@@ -78,6 +86,7 @@ static void begin_stop(struct clock *clock)
 {
     clock->phase = STOPPING;
     clock->began = host_now();
+    announcement_repeat(&clock->announcement, &clock->sender, clock->began);
     clock->repeated = clock->began;
     publish_clock(clock, DSE_CLOCK_T_EVENT_STOP);
 }
@@ -223,13 +232,11 @@ static void advance(struct clock *clock)
 static void start_run(struct clock *clock)
 {
     clock->state = AGENT_RUNNING;
+    clock->began = host_now();
     char *json = run_info_plant(clock->config.scenario, clock->config.run_id, clock->config.pace,
                                 clock->config.samples);
-    if (json != NULL)
-        sender_run_info(&clock->sender, json);
-    free(json);
+    announcement_begin(&clock->announcement, &clock->sender, json, clock->began);
     publish_clock(clock, DSE_CLOCK_T_EVENT_START);
-    clock->began = host_now();
     next_sample(clock);
 }
 
@@ -268,6 +275,17 @@ static void on_status(void *user, const char *channel, const uint8_t *bytes, int
     }
 }
 
+/* Not to every repetition: several nodes may miss the same sample, and a repetition may be an old
+ * message on a slow way. */
+static void answer_repetition(struct clock *clock)
+{
+    double now = host_now();
+    if (clock->phase != WAITING || now < clock->repeated + 0.5 * repeat_s(clock))
+        return;
+    publish_sample(clock, true);
+    clock->repeated = now;
+}
+
 static void on_done(void *user, const char *channel, const uint8_t *bytes, int length)
 {
     (void)channel;
@@ -288,9 +306,8 @@ static void on_done(void *user, const char *channel, const uint8_t *bytes, int l
     if (message.header.sample > member->done && message.header.sample <= clock->k) {
         member->done = message.header.sample;
         advance(clock);
-    } else if (message.header.sample == member->done && member->done == clock->k - 1 &&
-               clock->phase == WAITING) {
-        publish_sample(clock, true); /* said again: it misses the present sample */
+    } else if (message.header.sample == member->done && member->done == clock->k - 1) {
+        answer_repetition(clock); /* said again: it misses the present sample */
     }
 }
 
@@ -326,9 +343,9 @@ static double poll_joining(struct clock *clock, double now)
 
 static double poll_lockstep(struct clock *clock, double now)
 {
-    const struct scenario_timeouts *timeouts = &clock->config.scenario->timeouts;
-    double repeat = timeouts->repeat_s > 0 ? timeouts->repeat_s : DEFAULT_REPEAT;
-    double give_up = timeouts->give_up_s > 0 ? timeouts->give_up_s : DEFAULT_GIVE_UP;
+    double given = clock->config.scenario->timeouts.give_up_s;
+    double give_up = given > 0 ? given : DEFAULT_GIVE_UP;
+    double repeat = repeat_s(clock);
     if (now > clock->published + give_up + 1) {
         /* One second later than the nodes: who knows more about the cause speaks first. */
         char name[96];
@@ -383,6 +400,7 @@ static double poll_stopping(struct clock *clock, double now)
 static double poll_clock(void *self, double now)
 {
     struct clock *clock = self;
+    announcement_poll(&clock->announcement, &clock->sender, now);
     switch (clock->phase) {
     case JOINING:
         return poll_joining(clock, now);
@@ -418,6 +436,7 @@ static void destroy(void *self)
     struct clock *clock = self;
     if (clock->config.source.destroy != NULL)
         clock->config.source.destroy(clock->config.source.self);
+    announcement_free(&clock->announcement);
     free(clock->members);
     free(clock->y_group);
     free(clock->valid_group);

@@ -18,7 +18,7 @@
 #define DEFAULT_REPEAT        0.05
 #define DEFAULT_GIVE_UP       20.0
 
-static double repeat_s(const struct node *node)
+double node_repeat_s(const struct node *node)
 {
     double given = node->config.scenario->timeouts.repeat_s;
     return given > 0 ? given : DEFAULT_REPEAT;
@@ -78,6 +78,7 @@ void node_fail(struct node *node, const char *format, ...)
 
 void node_finish(struct node *node)
 {
+    announcement_repeat(&node->announcement, &node->sender, host_now());
     node->state = AGENT_FINISHED;
     node_publish_status(node, DSE_STATUS_T_STATE_FINISHED);
 }
@@ -91,9 +92,7 @@ void node_start(struct node *node)
     node->last_progress = host_now();
     char *json = run_info_node(node->config.scenario, node->config.network, node->config.node,
                                node->method, &node->info, node->source_run);
-    if (json != NULL)
-        sender_run_info(&node->sender, json);
-    free(json);
+    announcement_begin(&node->announcement, &node->sender, json, node->last_progress);
     node_publish_status(node, DSE_STATUS_T_STATE_RUNNING);
 }
 
@@ -242,6 +241,7 @@ double node_poll(void *self, double now)
     struct node *node = self;
     if (node->state == AGENT_JOINING)
         return poll_joining(node, now);
+    announcement_poll(&node->announcement, &node->sender, now);
     node_advance(node);
     if (node->state != AGENT_RUNNING)
         return now;
@@ -257,11 +257,11 @@ double node_poll(void *self, double now)
     bool patient = node->config.pace == DSE_CLOCK_T_PACE_REPLAY && node->phase == NODE_WAIT_SAMPLE;
     if (now > since + give_up_s(node) && !patient)
         give_up(node);
-    else if (now >= node->last_repeat + repeat_s(node)) {
+    else if (now >= node->last_repeat + node_repeat_s(node)) {
         repeat_request(node);
         node->last_repeat = now;
     }
-    double next = node->last_repeat + repeat_s(node);
+    double next = node->last_repeat + node_repeat_s(node);
     if (node->phase == NODE_IN_ROUND)
         next = fmin(next, deadline(node) + 1e-4);
     if (node->stopping)

@@ -18,6 +18,7 @@ static void destroy(void *self)
         node->method->destroy(node->instance);
     node_samples_destroy(node);
     node_rounds_destroy(node);
+    announcement_free(&node->announcement);
     free(node->values);
     free(node->prepared);
     free(node);

@@ -9,13 +9,15 @@
 
 #include "methods/method.h"
 #include "runtime/agent.h"
+#include "runtime/announcement.h"
 #include "runtime/messages.h"
 #include "runtime/node.h"
 #include "runtime/sender.h"
 
-#define NODE_SAMPLES 256       /* samples that may wait .. */
-#define NODE_BACKLOG (1 << 16) /* .. in a replay: lcm-logplayer may be faster than the estimators  \
-                                */
+#define NODE_SAMPLES 256 /* samples that may wait .. */
+#define NODE_BACKLOG                                                                               \
+    (1 << 16)            /* .. in a replay: lcm-logplayer may be faster than the estimators        \
+                          */
 #define NODE_LINGER  0.5 /* s, without lockstep: for what is under way after the last sample */
 #define NODE_INBOX   8   /* messages of one neighbour that may wait */
 #define NODE_HISTORY 32  /* own messages kept for neighbours that ask */
@@ -44,11 +46,14 @@ struct inbox {
 /* An own message, kept in case that somebody asks for it. */
 struct spoken {
     int64_t k; /* -1: none */
+    double t;
     int round;
     int32_t sequence;
     bool withheld;
+    double answered_at;
     int count;
-    double *value; /* METHOD_MESSAGE_CAPACITY */
+    int capacity;
+    double *value;
 };
 
 enum node_phase { NODE_WAIT_SAMPLE, NODE_IN_ROUND };
@@ -65,6 +70,7 @@ struct node {
 
     struct bus *bus;
     struct sender sender;
+    struct announcement announcement; /* its run_info */
     struct message_counters counters;
     int64_t asked, answered, predicted;
     int64_t instance_id; /* tells two processes for one node apart */
@@ -96,8 +102,8 @@ struct node {
     struct inbox *inboxes; /* one per neighbour */
     struct spoken history[NODE_HISTORY];
     int next_spoken;
-    const struct spoken *said_in_round; /* own message of this round, NULL: only listened */
     double round_started;
+    double next_ask, ask_interval;
     double sample_started;
     double *outgoing;
 
@@ -108,6 +114,7 @@ struct node {
 };
 
 /* node.c */
+double node_repeat_s(const struct node *node);
 double node_poll(void *self, double now);
 enum agent_state node_state(const void *self);
 const char *node_reason(const void *self);

@@ -90,6 +90,18 @@ void node_on_status(void *user, const char *channel, const uint8_t *bytes, int l
                                                 : DSE_STATUS_T_STATE_JOINING);
 }
 
+/* The clock still waits for the sample before: our `done` was lost. Answered once in a while only,
+ * for it may be an old message on a slow way: an answer to each would be answered in turn. */
+static void answer_repetition(struct node *node, const dse_input_t *message)
+{
+    double now = host_now();
+    if (message->header.sample != node->k - 1 || node->phase != NODE_WAIT_SAMPLE ||
+        message->part != 0 || now < node->last_repeat + node_repeat_s(node))
+        return;
+    node_repeat_done(node);
+    node->last_repeat = now;
+}
+
 void node_on_input(void *user, const char *channel, const uint8_t *bytes, int length)
 {
     (void)channel;
@@ -102,9 +114,7 @@ void node_on_input(void *user, const char *channel, const uint8_t *bytes, int le
     if (!from_source(node, &message.header))
         return;
     node_start(node); /* the message that said so may have been lost */
-    bool repeated = message.header.sample == node->k - 1 && node->phase == NODE_WAIT_SAMPLE;
-    if (repeated && message.part == 0)
-        node_repeat_done(node); /* the clock still waits for this sample: our `done` was lost */
+    answer_repetition(node, &message);
     node_take_input(node, &message);
     node_advance(node);
 }

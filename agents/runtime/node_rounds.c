@@ -1,11 +1,14 @@
 /* The exchange with the neighbours, round by round. Messages are handed to the method in the order
- * of the senders, not of their arrival, so that scheduling never changes a result. A message that
- * is missing is asked for by saying the own one again. */
+ * of the senders, not of their arrival, so that scheduling never changes a result. Who misses a
+ * message asks for it by name; who is named says it again. */
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "runtime/node_internal.h"
+
+#define LONGEST_ASK_INTERVAL 1.0 /* s */
 
 bool node_rounds_create(struct node *node, struct error *error)
 {
@@ -102,19 +105,32 @@ static bool make_room(struct message_vector *vector, int parts)
     return true;
 }
 
-/* Says an own message again for somebody who asks. */
+/* True when a neighbour that misses messages names this node. */
+static bool is_named(const struct node *node, const dse_exchange_t *ask)
+{
+    for (int i = 0; i < ask->count; i++)
+        if (ask->value[i] == (double)node->config.node)
+            return true;
+    return false;
+}
+
+/* Says an own message again for those who ask; one answer serves all who ask at a time. */
 static void answer(struct node *node, int64_t k, int round)
 {
+    double now = host_now();
     for (int i = 0; i < NODE_HISTORY; i++) {
-        const struct spoken *spoken = &node->history[i];
+        struct spoken *spoken = &node->history[i];
         if (spoken->k != k || spoken->round != round)
             continue;
+        if (now < spoken->answered_at + 0.5 * node_repeat_s(node))
+            return;
+        spoken->answered_at = now;
         struct sender_exchange what = {.round = round,
                                        .intent = DSE_EXCHANGE_T_INTENT_ANSWER,
                                        .withheld = spoken->withheld,
                                        .count = spoken->count,
                                        .value = spoken->value};
-        sender_exchange(&node->sender, k, (double)k * node->setup.period, spoken->sequence, &what);
+        sender_exchange(&node->sender, k, spoken->t, spoken->sequence, &what);
         node->answered++;
         return;
     }
@@ -123,8 +139,11 @@ static void answer(struct node *node, int64_t k, int round)
 void node_take_exchange(struct node *node, const dse_exchange_t *message)
 {
     const dse_header_t *header = &message->header;
-    if (message->intent == DSE_EXCHANGE_T_INTENT_ASK && message->part == 0)
-        answer(node, header->sample, header->round);
+    if (message->intent == DSE_EXCHANGE_T_INTENT_ASK) {
+        if (is_named(node, message))
+            answer(node, header->sample, header->round);
+        return;
+    }
     struct inbox *inbox = inbox_of(node, header->node);
     if (inbox == NULL)
         return;
@@ -151,19 +170,23 @@ void node_take_exchange(struct node *node, const dse_exchange_t *message)
 static void remember(struct node *node, const struct method_message *message)
 {
     struct spoken *spoken = &node->history[node->next_spoken];
-    node->said_in_round = NULL;
-    if (spoken->value == NULL)
-        spoken->value = malloc(METHOD_MESSAGE_CAPACITY * sizeof *spoken->value);
-    if (spoken->value == NULL)
-        return;
+    if (message->count > spoken->capacity) {
+        double *grown = realloc(spoken->value, (size_t)message->count * sizeof *grown);
+        if (grown == NULL)
+            return;
+        spoken->value = grown;
+        spoken->capacity = message->count;
+    }
     node->next_spoken = (node->next_spoken + 1) % NODE_HISTORY;
     spoken->k = node->k;
+    spoken->t = node->t;
     spoken->round = node->round;
+    spoken->answered_at = 0;
     spoken->sequence = sender_sequence(&node->sender, SENDER_EXCHANGE);
     spoken->withheld = message->withheld;
     spoken->count = message->count;
-    memcpy(spoken->value, message->value, (size_t)message->count * sizeof *spoken->value);
-    node->said_in_round = spoken;
+    if (message->count > 0)
+        memcpy(spoken->value, message->value, (size_t)message->count * sizeof *spoken->value);
 }
 
 static void say(struct node *node, const struct method_message *message)
@@ -194,11 +217,17 @@ bool node_open_round(struct node *node)
     node->step_s += host_now() - before;
     if (step == METHOD_DONE)
         return false;
-    node->said_in_round = NULL;
+    if (message.count < 0 || message.count > METHOD_MESSAGE_CAPACITY) {
+        node_fail(node, "the method %s says %d values in round %d; at most %d fit into a message",
+                  node->method->name, message.count, node->round, METHOD_MESSAGE_CAPACITY);
+        return true;
+    }
     if (plan->speak)
         say(node, &message);
     node->round_started = host_now();
     node->last_repeat = node->round_started;
+    node->ask_interval = node_repeat_s(node);
+    node->next_ask = node->round_started + node->ask_interval;
     return true;
 }
 
@@ -239,16 +268,26 @@ void node_close_round(struct node *node)
     node->step_s += host_now() - before;
 }
 
+/* Names those whose messages are missing. Asks less and less often: a neighbour may just be slow.
+ */
 void node_ask(struct node *node)
 {
-    const struct spoken *spoken = node->said_in_round;
+    double now = host_now();
+    if (now < node->next_ask)
+        return;
+    double missing[METHOD_MESSAGE_CAPACITY];
+    int count = 0;
+    for (int i = 0; i < node->plan.n_wait && count < METHOD_MESSAGE_CAPACITY; i++)
+        if (awaited(node, i) == NULL)
+            missing[count++] = (double)node->plan.wait[i];
     struct sender_exchange what = {.round = node->round,
                                    .intent = DSE_EXCHANGE_T_INTENT_ASK,
-                                   .withheld = spoken == NULL || spoken->withheld,
-                                   .count = spoken == NULL ? 0 : spoken->count,
-                                   .value = spoken == NULL ? node->outgoing : spoken->value};
-    sender_exchange(&node->sender, node->k, node->t, spoken == NULL ? -1 : spoken->sequence, &what);
+                                   .count = count,
+                                   .value = missing};
+    sender_exchange(&node->sender, node->k, node->t, -1, &what);
     node->asked++;
+    node->ask_interval = fmin(2 * node->ask_interval, LONGEST_ASK_INTERVAL);
+    node->next_ask = now + node->ask_interval;
 }
 
 void node_awaited(const struct node *node, char *text, int size)

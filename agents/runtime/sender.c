@@ -48,7 +48,12 @@ void sender_done(struct sender *sender, int64_t k, double t, dse_done_t *message
     PUBLISH(sender, CHANNEL_DONE, done, message);
 }
 
-void sender_run_info(struct sender *sender, const char *json)
+static int32_t part_sequence(int32_t first, int part)
+{
+    return first >= 0 ? first + part : -1;
+}
+
+void sender_run_info(struct sender *sender, const char *json, int32_t sequence)
 {
     size_t length = strlen(json);
     int16_t parts = (int16_t)((length + DSE_RUN_INFO_T_CAPACITY - 1) / DSE_RUN_INFO_T_CAPACITY);
@@ -58,15 +63,10 @@ void sender_run_info(struct sender *sender, const char *json)
         if (count > DSE_RUN_INFO_T_CAPACITY)
             count = DSE_RUN_INFO_T_CAPACITY;
         dse_run_info_t message = {.part = part, .parts = parts, .count = (int16_t)count};
-        message.header = header(sender, SENDER_RUN_INFO, -1, 0, -1);
+        message.header = header(sender, SENDER_RUN_INFO, -1, 0, part_sequence(sequence, part));
         memcpy(message.text, json + offset, count);
         PUBLISH(sender, CHANNEL_RUN_INFO, run_info, &message);
     }
-}
-
-static int32_t part_sequence(int32_t first, int part)
-{
-    return first >= 0 ? first + part : -1;
 }
 
 static void fill(double *to, const double *from, int count)

@@ -33,7 +33,8 @@ int32_t sender_sequence(const struct sender *sender, enum sender_type type);
 void sender_clock(struct sender *sender, int64_t k, double t, dse_clock_t *message);
 void sender_status(struct sender *sender, int64_t k, double t, dse_status_t *message);
 void sender_done(struct sender *sender, int64_t k, double t, dse_done_t *message);
-void sender_run_info(struct sender *sender, const char *json);
+/* sequence: -1 for new numbers, else the number of the first part. */
+void sender_run_info(struct sender *sender, const char *json, int32_t sequence);
 
 /* Vectors in parts. sequence: -1 for new numbers, else the number of the first part. */
 void sender_input(struct sender *sender, int64_t k, double t, int32_t sequence, const double *u,
