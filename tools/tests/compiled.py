@@ -74,6 +74,7 @@ class Compiled:
         shipped: str | None = None,
         values: np.ndarray | None = None,
         dx: np.ndarray | None = None,
+        t: float = 0.0,
         length: int = 400,
     ) -> tuple[int, np.ndarray]:
         """Status and what was written; the length is found from what stays untouched."""
@@ -91,7 +92,7 @@ class Compiled:
             raw[0],
             what.encode(),
             i,
-            ctypes.c_double(0.0),
+            ctypes.c_double(t),
             *raw[1:4],
             out.ctypes.data_as(ctypes.POINTER(ctypes.c_double)),
         )

@@ -53,6 +53,20 @@ def f(t, x, u, p):
 def h(t, x, u, p): return {"y1": x.a, "y2": x.c}
 """
 )
+# f and h change with time, and one input is the rate of another
+MOVING = (
+    HEAD
+    + """
+name = "moving"
+states, outputs, inputs = signals("a", "b", "c"), signals("y"), signals("v", "dv", "w")
+rates = {"v": "dv"}
+sets = [ParameterSet("one", "one", {"k": 2}, {"a": 1, "b": 2, "c": 3})]
+subsystems = [Subsystem("all", ["a", "b", "c"], ["y"])]
+def f(t, x, u, p):
+    return {"a": (2 + ca.sin(t)) * x.b + u.v * x.a, "b": p.k * x.c + u.w * x.b, "c": -x.a * x.b}
+def h(t, x, u, p): return {"y": x.a + ca.cos(3 * t)}
+"""
+)
 
 
 @pytest.fixture(scope="session")
@@ -227,6 +241,25 @@ def test_field_is_the_derivative_of_the_coordinates_along_the_plant(
 
 
 @needs_compiler
+def test_coordinates_follow_time_and_inputs_that_move(
+    make: Make, model_file: Callable[[str], Path]
+) -> None:
+    plant = make(model_file(MOVING))
+    generator, h = np.random.default_rng(6), 1e-6
+    for _ in range(20):
+        t, (x, u) = generator.uniform(0, 5), generator.uniform(-1, 1, (2, 3))
+        z, dx = plant.value("encode", x, u, t=t), plant.value("f", x, u, t=t)
+        du = np.array([u[1], 0, 0])
+        ends = [plant.value("encode", x + s * dx, u + s * du, t=t + s) for s in (h, -h)]
+        dz = plant.value("field", z, u, t=t)
+        assert_near(dz, (ends[0] - ends[1]) / (2 * h), 1e-6)
+        assert (dz[:2] == z[1:]).all()
+        assert_near(plant.value("decode", z, u, t=t), x)
+        F = differences(lambda v, u=u, t=t: plant.value("field", v, u, t=t), z)
+        assert_near(plant.value("jacobian", z, u, t=t), F, 1e-6)
+
+
+@needs_compiler
 def test_iterated_inverse_is_right_to_working_precision_or_refused(
     make: Make, model_file: Callable[[str], Path]
 ) -> None:
@@ -346,6 +379,11 @@ MISTAKES = [
     ('"c": x.d + p.k * ca.tanh(x.b)', '"c": x.c', "not observable"),
     ('{"k": 0.3}', '{"k": 11}', "k = 11 is not within 0..10"),
     ('{"k": 0.3}', "{}", "values has no k"),
+    ('{"k": 0.3}', '{"k": "x"}', "k is not a number"),
+    ('"e": 0.2}', '"e": float("nan")}', "e is not a number"),
+    ('signals("y1", "y2")', '("y1", "y2")', "outputs: must be a list of Signal"),
+    ("def h(t", "domain = 1\ndef h(t", "domain: must be a function"),
+    ("def h(t", "def domain(*_): return 1\ndef h(t", "domain must give a list"),
     ('"e": 0.2}', "}", "x0 has no e"),
     ('["a", "b"], ["y1"]', '["b", "a"], ["y1"]', "subsystem by subsystem"),
     ('["c", "d", "e"], ["y2"]', '["c", "d", "e"], []', "outputs must be listed"),

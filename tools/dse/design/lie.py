@@ -86,7 +86,9 @@ def derive(plant: Plant) -> NormalForm:
     )
     f = _column(plant, "f", [v.name for v in plant.states], arguments)
     h = _column(plant, "h", [v.name for v in plant.outputs], arguments)
-    domain = [] if plant.domain is None else list(call(plant, "domain", *arguments))
+    domain = [] if plant.domain is None else call(plant, "domain", *arguments)
+    if not isinstance(domain, list):
+        raise UserError(f"{plant.path}: domain must give a list")
     phi, rest = _coordinates(plant, s, f, h)
     steps = solve(plant, phi, s.x, s.z)
     return NormalForm(plant, s, f, h, [ca.SX(d) for d in domain], phi, rest, steps)

@@ -28,6 +28,7 @@ def generate(form: NormalForm, target: str) -> str:
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("dse"), trim_blocks=True, lstrip_blocks=True, autoescape=False
     )
+    environment.filters["comment"] = lambda text: text.replace("*/", "* /")
     environment.filters["c"] = lambda text: json.dumps(text, ensure_ascii=False)
     environment.filters["real"] = number
     return (

@@ -27,6 +27,7 @@ once, with casadi.SX scalars; use casadi's functions (casadi.exp, casadi.if_else
 
 import hashlib
 import importlib.util
+import math
 import re
 import sys
 import traceback
@@ -223,21 +224,62 @@ def _check(plant: Plant) -> None:
         raise UserError(f"{plant.path}: {problem}")
 
 
+KINDS = {
+    "states": Signal,
+    "inputs": Signal,
+    "outputs": Signal,
+    "parameters": Parameter,
+    "sets": ParameterSet,
+    "subsystems": Subsystem,
+}
+
+
+def _type_problems(plant: Plant) -> Iterator[str]:
+    for name in ("name", "title", "source", "time_unit"):
+        if not isinstance(getattr(plant, name), str):
+            yield f"{name}: must be a text"
+    if not _finite(plant.time_unit_s) or plant.time_unit_s <= 0:
+        yield f"time_unit_s {plant.time_unit_s}: must be a positive number"
+    for name, kind in KINDS.items():
+        members = getattr(plant, name)
+        if not isinstance(members, list) or not all(isinstance(one, kind) for one in members):
+            yield f"{name}: must be a list of {kind.__name__}"
+    for name in ("f", "h", *(["domain"] if plant.domain is not None else [])):
+        if not callable(getattr(plant, name)):
+            yield f"{name}: must be a function"
+    for name in ("rates", "points"):
+        if not isinstance(getattr(plant, name), dict):
+            yield f"{name}: must be a dictionary"
+
+
+def _number_problems(plant: Plant) -> Iterator[str]:
+    for signal in [*plant.states, *plant.inputs, *plant.outputs]:
+        if not _finite(signal.nominal) or not _finite(signal.scale) or signal.scale <= 0:
+            yield f"{signal.name}: nominal and scale must be numbers, scale positive"
+    for parameter in plant.parameters:
+        if not _finite(parameter.min) or not _finite(parameter.max):
+            yield f"parameter {parameter.name}: min and max must be numbers"
+    given = [(f"set {one.name}", {**one.values, **one.x0}) for one in plant.sets]
+    for where, values in [*given, *((f"points: {n}", v) for n, v in plant.points.items())]:
+        yield from (f"{where}: {n} is not a number" for n, v in values.items() if not _finite(v))
+
+
+def _finite(value: object) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value)
+
+
 def _problems(plant: Plant) -> Iterator[str]:
     """What is wrong with a plant file, most basic first."""
+    yield from _type_problems(plant)
+    yield from _number_problems(plant)
     if not re.fullmatch(r"[a-z][a-z0-9_]*", plant.name):
         yield f"name '{plant.name}': small letters, digits and _ only, it becomes a C name"
-    if not plant.time_unit_s > 0:
-        yield f"time_unit_s {plant.time_unit_s}: must be positive"
     for kind in ("states", "outputs", "sets", "subsystems"):
         if not getattr(plant, kind):
             yield f"{kind}: there must be at least one"
     for kind in ("states", "inputs", "outputs", "parameters", "sets", "subsystems"):
         names = [item.name for item in getattr(plant, kind)]
         yield from (f"{kind}: '{n}' twice" for n in _twice(names))
-    for signal in [*plant.states, *plant.inputs, *plant.outputs]:
-        if not signal.scale > 0:
-            yield f"{signal.name}: scale {signal.scale} must be positive"
     yield from _set_problems(plant)
     yield from _subsystem_problems(plant)
     inputs = [signal.name for signal in plant.inputs]
