@@ -1,28 +1,40 @@
 """A plant written in CasADi: the format of the Python file that `dse design normal-form` reads.
 
-The file defines, at its top level:
+The file begins with
 
-    name, title, source   str: "cstr2", "two stirred tanks with recycle", where it comes from
-    time_unit             str: "h"; time_unit_s: seconds in it, 3600
-    states, inputs, outputs   lists of Signal; states subsystem by subsystem; inputs may be left out
-    parameters            list of Parameter: what a scenario may change
-    sets                  list of ParameterSet, at least one; the first is the default
-    subsystems            list of Subsystem: who measures and estimates what
-    f(t, x, u, p)         -> {state: its derivative}
-    h(t, x, u, p)         -> {output: its value}
+    import casadi as ca
+    from dse.design.plant_file import Parameter, ParameterSet, Signal, Subsystem
 
-and may define
+and defines, at its top level:
 
-    domain(t, x, u, p)    -> list of expressions: there is a plant where all of them are positive
-    rates                 {input: the input that is its time derivative}; other inputs are held
-    inputs_in_map         True (default): coordinates are full time derivatives of the output, z_i2
-                          = y_i' at the present input. False: Lie derivatives along f at u = 0, for
-                          inputs that enter f affinely; Phi then does not depend on the inputs
-    points                {name: {state or input: value}}: operating points at which to check, over
-                          and above the initial states of the sets; what is left out is nominal
+    name, title, source     "cstr2", "two stirred tanks with recycle", where it comes from
+    time_unit, time_unit_s  "h", 3600: unit of all rates, and seconds in it
+    states, outputs         lists of Signal(name, unit, nominal, scale, title); states subsystem by
+                            subsystem, outputs too
+    parameters              list of Parameter(name, unit, min, max, title), what a scenario may
+                            change
+    sets                    list of ParameterSet(name, title, {parameter: value}, {state: initial
+                            value}); the first is the default
+    subsystems              list of Subsystem(name, [states], [output]): who measures and estimates
+                            what; with several outputs also chains=[..], how many coordinates each
+                            of them gives
+    f(t, x, u, p)           -> {state: its derivative}
+    h(t, x, u, p)           -> {output: its value}
+
+It may define:
+
+    inputs                  list of Signal: known inputs
+    rates                   {input: the input that is its time derivative}; other inputs are held
+    inputs_in_map           True (default): coordinates are full time derivatives of the output,
+                            z_i2 = y_i' at the present input. False: Lie derivatives along f at
+                            u = 0, for inputs that enter f affinely; Phi then has no inputs
+    domain(t, x, u, p)      -> list of expressions: there is a plant where all of them are positive
+    points                  {name: {state or input: value}}: operating points at which to check,
+                            over and above the initial states of the sets; what is left out is
+                            nominal
 
 x, u and p give their members as attributes or by name: x.T1, x["T1"]. The functions are called
-once, with casadi.SX scalars; use casadi's functions (casadi.exp, casadi.if_else ..), not math's.
+once, with casadi.SX scalars; use casadi's functions (ca.exp, ca.if_else ..), not math's.
 """
 
 import hashlib
