@@ -48,6 +48,7 @@ struct clock {
     enum agent_state state;
     char reason[512];
     bool complete;
+    bool failing;
 
     int64_t k; /* sample that has been published last, -1 */
     struct sample_data data;
@@ -91,16 +92,17 @@ static void begin_stop(struct clock *clock)
     publish_clock(clock, DSE_CLOCK_T_EVENT_STOP);
 }
 
+/* The run ends at once; the clock itself ends as failed when the others have heard of it. */
 static void fail(struct clock *clock, const char *format, ...)
 {
-    if (clock->state == AGENT_FAILED)
+    if (clock->failing)
         return;
+    clock->failing = true;
     va_list arguments;
     va_start(arguments, format);
     vsnprintf(clock->reason, sizeof clock->reason, format, arguments);
     va_end(arguments);
     begin_stop(clock);
-    clock->state = AGENT_FAILED;
 }
 
 /* ---- who takes part ---- */
@@ -387,7 +389,7 @@ static double poll_stopping(struct clock *clock, double now)
     for (int i = 0; i < clock->n_members; i++)
         all = all && (clock->members[i].finished || !clock->members[i].ready);
     if (all || now > clock->began + STOP_PATIENCE) {
-        clock->state = AGENT_FINISHED;
+        clock->state = clock->failing ? AGENT_FAILED : AGENT_FINISHED;
         return now;
     }
     if (now >= clock->repeated + STOP_PERIOD) {

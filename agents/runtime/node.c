@@ -57,6 +57,7 @@ void node_publish_status(struct node *node, int state)
         .asked = node->asked,
         .answered = node->answered,
         .predicted = node->predicted,
+        .method_failures = node->method_failures,
     };
     message.reason_length = (int16_t)strnlen(node->reason, sizeof message.reason);
     memcpy(message.reason, node->reason, (size_t)message.reason_length);
@@ -85,7 +86,7 @@ void node_finish(struct node *node)
 
 void node_start(struct node *node)
 {
-    if (node->started)
+    if (node->started || node->state != AGENT_JOINING)
         return;
     node->started = true;
     node->state = AGENT_RUNNING;
@@ -109,9 +110,9 @@ static void begin_sample(struct node *node)
     node->sent = 0;
     node->sent_bytes = 0;
     node->round = 0;
-    enum dse_status status = node->method->begin(node->instance, &sample);
+    if (node->method->begin(node->instance, &sample) != DSE_OK)
+        node->method_failures++;
     node->step_s = host_now() - node->sample_started;
-    (void)status; /* the health of the estimate tells; the node goes on */
     node->phase = NODE_IN_ROUND;
 }
 
@@ -135,7 +136,8 @@ static void end_sample(struct node *node)
 {
     struct method_estimate *estimate = &node->estimate;
     double before = host_now();
-    (void)node->method->finish(node->instance, estimate);
+    if (node->method->finish(node->instance, estimate) != DSE_OK)
+        node->method_failures++;
     node->step_s += host_now() - before;
     struct sender_estimate what = {.health = (int)estimate->health,
                                    .count = node->info.n_states,
@@ -159,7 +161,8 @@ static double deadline(const struct node *node)
 {
     double at = INFINITY;
     if (node->config.pace == DSE_CLOCK_T_PACE_REALTIME)
-        at = node->sample_started + DEADLINE_SHARE * period_s(node);
+        at = node->newest > node->k ? node->round_started /* late already */
+                                    : node->sample_started + DEADLINE_SHARE * period_s(node);
     if (node->plan.patience_s > 0)
         at = fmin(at, node->round_started + node->plan.patience_s);
     return at;

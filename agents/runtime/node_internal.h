@@ -72,7 +72,7 @@ struct node {
     struct sender sender;
     struct announcement announcement; /* its run_info */
     struct message_counters counters;
-    int64_t asked, answered, predicted;
+    int64_t asked, answered, predicted, method_failures;
     int64_t instance_id; /* tells two processes for one node apart */
     int64_t source_run;  /* run whose samples are used: own run, or the recorded one in replay */
     bool started;

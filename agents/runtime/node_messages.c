@@ -35,7 +35,9 @@ void node_on_clock(void *user, const char *channel, const uint8_t *bytes, int le
         return;
     bool same = message.scenario_hash == (int64_t)node->config.scenario->hash;
     bool replay = node->config.pace == DSE_CLOCK_T_PACE_REPLAY;
-    if (node->source_run == 0 && (same || (replay && message.event == DSE_CLOCK_T_EVENT_START)))
+    bool invites =
+        message.event == DSE_CLOCK_T_EVENT_JOIN || message.event == DSE_CLOCK_T_EVENT_START;
+    if (node->source_run == 0 && invites && (same || replay))
         adopt_run(node, message.header.run_id);
     if (!from_source(node, &message.header))
         return;
@@ -44,7 +46,7 @@ void node_on_clock(void *user, const char *channel, const uint8_t *bytes, int le
                   node->config.scenario->file);
         return;
     }
-    if (message.event == DSE_CLOCK_T_EVENT_JOIN && !node->started)
+    if (message.event == DSE_CLOCK_T_EVENT_JOIN && node->state == AGENT_JOINING)
         node_publish_status(node, DSE_STATUS_T_STATE_READY);
     if (message.event == DSE_CLOCK_T_EVENT_START)
         node_start(node);

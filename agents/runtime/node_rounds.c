@@ -262,7 +262,7 @@ void node_close_round(struct node *node)
         enum dse_status status =
             node->method->receive(node->instance, node->round, node->plan.wait[i], &message);
         if (status != DSE_OK)
-            node->counters.refused_count++;
+            node->method_failures++;
         slot->k = -1;
     }
     node->step_s += host_now() - before;

@@ -139,6 +139,9 @@ void node_take_input(struct node *node, const dse_input_t *message)
         node->counters.refused_count++;
         return;
     }
+    bool has_time = node->config.pace == DSE_CLOCK_T_PACE_REALTIME;
+    if (has_time && message->header.sample > node->newest)
+        node->newest = message->header.sample; /* even without a place: the earlier ones are over */
     struct node_sample *sample =
         sample_of(node, message->header.sample, message->header.plant_time);
     if (sample == NULL)

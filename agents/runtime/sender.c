@@ -17,7 +17,11 @@ static dse_header_t header(struct sender *sender, enum sender_type type, int64_t
     dse_header_t made = sender->id;
     made.sample = k;
     made.plant_time = t;
-    made.sequence = sequence >= 0 ? sequence : sender->sequence[type]++;
+    made.sequence = sequence;
+    if (sequence < 0) {
+        made.sequence = sender->sequence[type];
+        sender->sequence[type] = made.sequence == INT32_MAX ? 0 : made.sequence + 1;
+    }
     return made;
 }
 
