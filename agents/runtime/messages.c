@@ -42,15 +42,20 @@ static bool header_ok(const dse_header_t *header, struct message_counters *count
     return true;
 }
 
-static bool parts_ok(int part, int parts, int count, int capacity,
+static bool count_ok(int part, int parts, int max_parts, int count, int capacity,
                      struct message_counters *counters)
 {
     bool last = part == parts - 1;
-    if (part >= 0 && part < parts && parts <= MESSAGE_MAX_PARTS && count >= 0 &&
-        count <= capacity && (last || count == capacity))
+    if (part >= 0 && part < parts && parts <= max_parts && count >= 0 && count <= capacity &&
+        (last || count == capacity))
         return true;
     counters->refused_count++;
     return false;
+}
+
+static bool parts_ok(int part, int parts, int count, struct message_counters *counters)
+{
+    return count_ok(part, parts, MESSAGE_MAX_PARTS, count, PART_CAPACITY, counters);
 }
 
 static bool finite_ok(const double *value, int count, struct message_counters *counters)
@@ -85,12 +90,12 @@ static bool estimate_ok(const dse_estimate_t *message, struct message_counters *
         counters->refused_count++;
         return false;
     }
-    return parts_ok(message->part, message->parts, message->count, PART_CAPACITY, counters);
+    return parts_ok(message->part, message->parts, message->count, counters);
 }
 
 static bool measurement_ok(dse_measurement_t *message, struct message_counters *counters)
 {
-    if (!parts_ok(message->part, message->parts, message->count, PART_CAPACITY, counters))
+    if (!parts_ok(message->part, message->parts, message->count, counters))
         return false;
     for (int i = 0; i < message->count; i++)
         if (message->valid[i] != 0 && !isfinite(message->value[i])) {
@@ -111,15 +116,14 @@ static bool status_ok(const dse_status_t *message, struct message_counters *coun
 static bool vector_ok(int part, int parts, int count, const double *value,
                       struct message_counters *counters)
 {
-    return parts_ok(part, parts, count, PART_CAPACITY, counters) &&
-           finite_ok(value, count, counters);
+    return parts_ok(part, parts, count, counters) && finite_ok(value, count, counters);
 }
 
 MESSAGE_TAKE(clock, true)
 MESSAGE_TAKE(status, status_ok(message, counters))
 MESSAGE_TAKE(done, true)
-MESSAGE_TAKE(run_info, parts_ok(message->part, message->parts, message->count,
-                                DSE_RUN_INFO_T_CAPACITY, counters))
+MESSAGE_TAKE(run_info, count_ok(message->part, message->parts, MESSAGE_MAX_TEXT_PARTS,
+                                message->count, DSE_RUN_INFO_T_CAPACITY, counters))
 MESSAGE_TAKE(input,
              vector_ok(message->part, message->parts, message->count, message->value, counters))
 MESSAGE_TAKE(truth,

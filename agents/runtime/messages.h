@@ -16,8 +16,9 @@
 #include "dse_status_t.h"
 #include "dse_truth_t.h"
 
-#define MESSAGE_MAX_BYTES 1400
-#define MESSAGE_MAX_PARTS 64
+#define MESSAGE_MAX_BYTES      1400
+#define MESSAGE_MAX_PARTS      64   /* of a vector */
+#define MESSAGE_MAX_TEXT_PARTS 4096 /* of a run_info: 4 MiB, a scenario may have 1 MiB */
 
 /* What was refused or noticed, for status_t. */
 struct message_counters {

@@ -151,12 +151,13 @@ char *run_info_node(const struct scenario *scenario, int network, int node,
                               json_pack("{s:s, s:s}", "name", info->diagnostics[i].name, "unit",
                                         info->diagnostics[i].unit));
     json_t *object = json_pack(
-        "{s:s, s:i, s:s, s:i, s:s, s:s, s:s, s:o, s:o, s:o, s:o, s:I, s:I}", "kind", "node",
+        "{s:s, s:i, s:s, s:i, s:s, s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:I, s:I}", "kind", "node",
         "network", network, "network_name", scenario->networks[network].name, "node", node, "name",
         info->name, "method", method->name, "method_title", method->title, "states",
         indices(info->states, info->n_states), "groups", indices(info->groups, info->n_groups),
-        "neighbours", indices(info->neighbours, info->n_neighbours), "diagnostics", diagnostics,
-        "storage_bytes", (json_int_t)info->storage_bytes, "source_run", (json_int_t)source_run);
+        "neighbours", indices(info->neighbours, info->n_neighbours), "listeners",
+        indices(info->listeners, info->n_listeners), "diagnostics", diagnostics, "storage_bytes",
+        (json_int_t)info->storage_bytes, "source_run", (json_int_t)source_run);
     char *text = json_dumps(object, JSON_COMPACT | JSON_REAL_PRECISION(17));
     json_decref(object);
     return text;
@@ -167,12 +168,13 @@ bool run_info_add(struct run_info_text *info, const dse_run_info_t *message)
     if (info->parts != message->parts) {
         memset(info, 0, sizeof *info);
         info->parts = message->parts;
+        info->missing = message->parts;
     }
     memcpy(info->text + (size_t)message->part * DSE_RUN_INFO_T_CAPACITY, message->text,
            (size_t)message->count);
-    info->have |= UINT64_C(1) << message->part;
-    uint64_t all = info->parts == 64 ? UINT64_MAX : (UINT64_C(1) << info->parts) - 1;
-    return info->have == all;
+    info->missing -= !info->have[message->part];
+    info->have[message->part] = true;
+    return info->missing == 0;
 }
 
 static bool read_overrides(const json_t *list, struct run_info_scenario *scenario)

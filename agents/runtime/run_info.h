@@ -20,8 +20,9 @@ char *run_info_node(const struct scenario *scenario, int network, int node,
 /* A run_info being collected from its parts. */
 struct run_info_text {
     int parts;
-    uint64_t have;
-    char text[MESSAGE_MAX_PARTS * DSE_RUN_INFO_T_CAPACITY + 1];
+    int missing;
+    bool have[MESSAGE_MAX_TEXT_PARTS];
+    char text[MESSAGE_MAX_TEXT_PARTS * DSE_RUN_INFO_T_CAPACITY + 1];
 };
 /* Adds a part; true when the text is complete. */
 bool run_info_add(struct run_info_text *info, const dse_run_info_t *message);
