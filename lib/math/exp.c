@@ -11,7 +11,9 @@
 #define TABLE_OVER_LN2     0x1.71547652b82fep+6 /* 64 / ln 2 */
 #define LN2_OVER_TABLE_HI  0x1.62e42ffp-7       /* ln 2 / 64 = hi + lo, hi a multiple of 2^-38 */
 #define LN2_OVER_TABLE_LO  (-0x1.718432a1b0e26p-41)
-#define OVERFLOW_ARGUMENT  710.0    /* exp is infinite from 709.78 on */
+#define OVERFLOW_ARGUMENT  710.0         /* exp is infinite from 709.78 on */
+#define ORDINARY_ARGUMENT  (dse_real)700 /* below it in size, exp and its 2^k are normal numbers */
+#define BLOCK              32
 #define UNDERFLOW_ARGUMENT (-746.0) /* exp is zero from -745.13 down */
 
 /* 2^(i/64) = hi + lo, each rounded to nearest. */
@@ -117,4 +119,43 @@ double dse_exp_double(double x)
 dse_real dse_exp(dse_real x)
 {
     return (dse_real)dse_exp_double((double)x);
+}
+
+/* The arithmetic of the kernel, step by step for all: no step waits for the one before it of the
+ * same number, and a compiler may take two or more numbers at a time. */
+static void exp_block(int n, const dse_real *x, dse_real *y)
+{
+    double steps[BLOCK], s[BLOCK];
+    for (int i = 0; i < n; i++) {
+        steps[i] = dse_nearest_integer((double)x[i] * TABLE_OVER_LN2);
+        double r = (double)x[i] - steps[i] * LN2_OVER_TABLE_HI;
+        double r_lo = 0 - steps[i] * LN2_OVER_TABLE_LO;
+        double v = r + r_lo;
+        double tail = 0.5 + v * (1.0 / 6 + v * (1.0 / 24 + v * (1.0 / 120 + v * (1.0 / 720))));
+        s[i] = r + (r_lo + v * v * tail);
+    }
+    for (int i = 0; i < n; i++) {
+        int step = (int)steps[i];
+        struct dse_dd power = power_table[step & (TABLE_SIZE - 1)];
+        double m = power.hi + (power.lo + power.hi * s[i]);
+        /* k = (step - i)/64 goes into the exponent, 52 - 6 places up */
+        uint64_t k = (uint64_t)(int64_t)(step - (step & (TABLE_SIZE - 1))) << 46;
+        y[i] = (dse_real)(m * dse_from_bits(k + (UINT64_C(1023) << 52)));
+    }
+}
+
+void dse_exp_many(int n, const dse_real *x, dse_real *y)
+{
+    for (int first = 0; first < n; first += BLOCK) {
+        int count = n - first < BLOCK ? n - first : BLOCK;
+        int ordinary = 1;
+        for (int i = first; i < first + count; i++)
+            ordinary &= dse_abs(x[i]) < ORDINARY_ARGUMENT;
+        if (ordinary) {
+            exp_block(count, x + first, y + first);
+            continue;
+        }
+        for (int i = first; i < first + count; i++)
+            y[i] = dse_exp(x[i]);
+    }
 }
