@@ -219,6 +219,6 @@ def _figure(problem: "output_error.Problem", found: "output_error.Found") -> "Fi
                 f"{output.title}: fit {found.fit_train[j]:.0f} % training,"
                 f" {found.fit_validation[j]:.0f} % validation"
             )
-        axes[0].legend(loc="upper left")
+        axes[0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, borderaxespad=0)
         axes[-1].set_xlabel(f"time [{plant.time_unit}]")
     return figure
