@@ -32,14 +32,21 @@ static struct sim_loop loop_of(const struct dse_plant *plant, const struct scena
 }
 
 /* Steps act from the first sample that is not before them; a rounding error does not count. */
-static struct sim_signal_step *steps_of(const struct scenario_drive *drive, double period_s)
+static void fill_steps(const struct scenario_drive *drive, double period_s,
+                       struct sim_signal_step *steps)
 {
-    struct sim_signal_step *steps = calloc((size_t)drive->steps_count + 1, sizeof *steps);
-    for (unsigned i = 0; steps != NULL && i < drive->steps_count; i++)
+    for (unsigned i = 0; i < drive->steps_count; i++)
         steps[i] = (struct sim_signal_step){
             .sample = (int64_t)ceil(drive->steps[i].at_s / period_s - 1e-6),
             .value = drive->steps[i].value};
-    return steps;
+}
+
+static unsigned count_steps(const struct scenario *scenario)
+{
+    unsigned count = 0;
+    for (unsigned i = 0; i < scenario->plant.drive_count; i++)
+        count += scenario->plant.drive[i].steps_count;
+    return count;
 }
 
 static struct sim_signal signal_of(const struct scenario *scenario,
@@ -68,29 +75,29 @@ bool plant_drives_make(const struct scenario *scenario, struct plant_drives *dri
     *drives = (struct plant_drives){.count = count};
     drives->drives = calloc((size_t)count + 1, sizeof *drives->drives);
     drives->loops = calloc((size_t)count + 1, sizeof *drives->loops);
-    drives->steps = calloc((size_t)count + 1, sizeof *drives->steps);
-    bool good = drives->drives != NULL && drives->loops != NULL && drives->steps != NULL;
-    for (unsigned i = 0; good && i < count; i++) {
+    drives->steps = calloc((size_t)count_steps(scenario) + 1, sizeof *drives->steps);
+    if (drives->drives == NULL || drives->loops == NULL || drives->steps == NULL) {
+        plant_drives_free(drives);
+        return false;
+    }
+    struct sim_signal_step *steps = drives->steps;
+    for (unsigned i = 0; i < count; i++) {
         const struct scenario_drive *from = &scenario->plant.drive[i];
         struct sim_drive *to = &drives->drives[i];
-        drives->steps[i] = steps_of(from, scenario->time.period_s);
+        fill_steps(from, scenario->time.period_s, steps);
         to->input = index_of(plant->inputs, plant->nu, from->name);
-        to->signal = signal_of(scenario, from, drives->steps[i]);
+        to->signal = signal_of(scenario, from, steps);
+        steps += from->steps_count;
         if (from->loop != NULL) {
             drives->loops[i] = loop_of(plant, from->loop);
             to->loop = &drives->loops[i];
         }
-        good = drives->steps[i] != NULL;
     }
-    if (!good)
-        plant_drives_free(drives);
-    return good;
+    return true;
 }
 
 void plant_drives_free(struct plant_drives *drives)
 {
-    for (unsigned i = 0; drives->steps != NULL && i < drives->count; i++)
-        free(drives->steps[i]);
     free(drives->steps);
     free(drives->loops);
     free(drives->drives);

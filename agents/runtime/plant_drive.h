@@ -6,9 +6,9 @@
 #include "sim/drive.h"
 
 struct plant_drives {
-    struct sim_drive *drives; /* scenario->plant.drive_count */
-    struct sim_loop *loops;   /* as many; of those inputs that have one */
-    struct sim_signal_step **steps;
+    struct sim_drive *drives;      /* scenario->plant.drive_count */
+    struct sim_loop *loops;        /* as many; of those inputs that have one */
+    struct sim_signal_step *steps; /* of all inputs, one after the other */
     unsigned count;
 };
 

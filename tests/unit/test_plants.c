@@ -304,7 +304,7 @@ static void inputs_of_chain(struct bench *bench, const dse_real *x, dse_real *re
 static void check_chain(struct bench *bench)
 {
     const struct dse_normal_form *form = &bench->form;
-    dse_real x[MAX_N], here[MAX_N], there[MAX_N];
+    dse_real x[MAX_N], here[MAX_N] = {0}, there[MAX_N] = {0};
     if (bench->plant->normal_form == NULL) {
         return;
     }
