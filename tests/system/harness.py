@@ -58,12 +58,17 @@ def url_of(port: int, ttl: int = 0) -> str:
     return f"udpm://239.255.76.67:{port}?ttl={ttl}&recv_buf_size=2097152"
 
 
-def eventually(condition: Callable[[], Any], what: str, limit: float = PATIENCE) -> Any:  # noqa: ANN401
-    """The first true value of the condition."""
+def eventually(
+    condition: Callable[[], Any],
+    what: str,
+    limit: float = PATIENCE,
+    seen: Callable[[], object] = lambda: "",
+) -> Any:  # noqa: ANN401
+    """The first true value of the condition; `seen` tells what there is instead, if it fails."""
     until = time.monotonic() + limit
     while not (value := condition()):
         if time.monotonic() > until:
-            raise AssertionError(f"waited {limit:g} s for {what}")
+            raise AssertionError(f"waited {limit:g} s for {what} {seen()}")
         time.sleep(0.01)
     return value
 
@@ -285,13 +290,12 @@ class Ear(threading.Thread):
         self, state: int, nodes: Iterable[tuple[int, int]], limit: float = PATIENCE
     ) -> None:
         """Wait until each node has said that it is in this state."""
-        for network, node in nodes:
+        for key in nodes:
             eventually(
-                lambda network=network, node=node: any(
-                    one.state == state for one in self.of(network, node)
-                ),
-                f"node {node} of network {network} to be in state {state}",
+                lambda key=key: any(one.state == state for one in self.of(*key)),
+                f"(network, node) {key} to be in state {state}",
                 limit,
+                lambda key=key: [(one.state, one.header.sample) for one in self.of(*key)][-5:],
             )
 
     def await_any_from(self, agent: Agent) -> None:
