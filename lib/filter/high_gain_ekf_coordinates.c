@@ -64,7 +64,8 @@ enum dse_status dse_high_gain_recode(struct dse_high_gain_ekf *filter, dse_real 
                                      const dse_real *from, const dse_real *to, dse_real *x)
 {
     const struct dse_normal_form *form = filter->config->form;
-    if (filter->config->coords != DSE_HIGH_GAIN_NORMAL || same_inputs(filter, from, to)) {
+    if (filter->config->coords != DSE_HIGH_GAIN_NORMAL || form->map_without_inputs ||
+        same_inputs(filter, from, to)) {
         return DSE_OK;
     }
     const enum dse_status status = form->decode(form, t, x, from, filter->chi);

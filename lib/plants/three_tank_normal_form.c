@@ -110,24 +110,32 @@ static enum dse_status field(const struct dse_normal_form *form, dse_real t, con
     return DSE_OK;
 }
 
-/* Second row of A + b* of an outer tank; slopes are those at the held values. */
-static void outer_jacobian(const struct dse_tanks *tanks, const struct side *side,
-                           const dse_real *z, dse_real *F)
+/* What the derivatives of an outer tank's equations are made of, at the held values. */
+struct slopes {
+    dse_real s1, s2; /* ds/dz_1 = -d/(2 p sqrt z_1), ds/dz_2 = -1/p */
+    dse_real g1, g2; /* d(z_2')/d(z_1, z_2), the other blocks frozen */
+    dse_real w;      /* d(z_2')/dw = p/(2 s) */
+};
+
+static struct slopes slopes_of(const struct dse_tanks *tanks, const struct side *side,
+                               const dse_real *z)
 {
     const dse_real s = interaction_root(side, z);
     const dse_real root = level_root(z[side->z]);
     const dse_real rate = z[side->z + 1] + side->bu;
     const dse_real excess = side->p * (rate - middle_rate(tanks, z)) / (2 * s * s);
-    /* ds/dz_1 = -d/(2 p sqrt z_1),  ds/dz_2 = -1/p */
     const dse_real s1 = -side->d / (2 * root * side->p);
     const dse_real s2 = -1 / side->p;
-    /* g1 = p^2 s1/(2 s) + p (z_1' - w) s1/(2 s^2) + d z_1'/(4 z_1^1.5) */
-    F[0] = 0;
-    F[1] = 1;
-    F[2] =
-        side->p * side->p * s1 / (2 * s) + excess * s1 + side->d * rate / (4 * root * root * root);
-    /* g2 = -(p/s - p (z_1' - w) s2/(2 s^2) + d/(2 sqrt z_1)) */
-    F[3] = -(side->p / s - excess * s2 + side->d / (2 * root));
+    return (struct slopes){
+        .s1 = s1,
+        .s2 = s2,
+        /* g1 = p^2 s1/(2 s) + p (z_1' - w) s1/(2 s^2) + d z_1'/(4 z_1^1.5) */
+        .g1 = side->p * side->p * s1 / (2 * s) + excess * s1 +
+              side->d * rate / (4 * root * root * root),
+        /* g2 = -(p/s - p (z_1' - w) s2/(2 s^2) + d/(2 sqrt z_1)) */
+        .g2 = -(side->p / s - excess * s2 + side->d / (2 * root)),
+        .w = side->p / (2 * s),
+    };
 }
 
 static enum dse_status jacobian(const struct dse_normal_form *form, int i, dse_real t,
@@ -146,7 +154,47 @@ static enum dse_status jacobian(const struct dse_normal_form *form, int i, dse_r
         return DSE_OK;
     }
     const struct side side = side_of(tanks, i / 2, u);
-    outer_jacobian(tanks, &side, z, F);
+    const struct slopes slopes = slopes_of(tanks, &side, z);
+    F[0] = 0;
+    F[1] = 1;
+    F[2] = slopes.g1;
+    F[3] = slopes.g2;
+    return DSE_OK;
+}
+
+static enum dse_status field_jacobian(const struct dse_normal_form *form, dse_real t,
+                                      const dse_real *z, const dse_real *u, dse_real *F)
+{
+    const struct dse_tanks *tanks = form->parameters;
+    (void)t;
+    if (u == NULL) {
+        return DSE_EINVAL;
+    }
+    if (!dse_all_finite(z, STATES)) {
+        return DSE_EMODEL;
+    }
+    for (int k = 0; k < STATES * STATES; k++) {
+        F[k] = 0;
+    }
+    /* w = p_1 s_1 + p_2 s_2 - d_2 sqrt z_3 */
+    dse_real *dw = F + X3 * STATES;
+    const struct side sides[2] = {side_of(tanks, 0, u), side_of(tanks, 1, u)};
+    struct slopes slopes[2];
+    dw[X3] = -tanks->d[1] / (2 * level_root(z[X3]));
+    for (int k = 0; k < 2; k++) {
+        slopes[k] = slopes_of(tanks, &sides[k], z);
+        dw[sides[k].z] = sides[k].p * slopes[k].s1;
+        dw[sides[k].z + 1] = sides[k].p * slopes[k].s2;
+    }
+    for (int k = 0; k < 2; k++) {
+        dse_real *first = F + sides[k].z * STATES, *second = first + STATES;
+        first[sides[k].z + 1] = 1;
+        for (int c = 0; c < STATES; c++) {
+            second[c] = slopes[k].w * dw[c]; /* through the other blocks */
+        }
+        second[sides[k].z] = slopes[k].g1;
+        second[sides[k].z + 1] = slopes[k].g2;
+    }
     return DSE_OK;
 }
 
@@ -172,6 +220,24 @@ static enum dse_status map_jacobian(const struct dse_normal_form *form, int i, d
     return DSE_OK;
 }
 
+static enum dse_status push(const struct dse_normal_form *form, dse_real t, const dse_real *chi,
+                            const dse_real *u, const dse_real *dchi, dse_real *dz)
+{
+    dse_real M[4];
+    dz[X3] = dchi[X3];
+    /* a block's coordinates depend on its own states only */
+    for (int k = 0; k < 2; k++) {
+        const int first = k == 0 ? X1 : X5;
+        const enum dse_status status = map_jacobian(form, 2 * k, t, chi, u, M);
+        if (status != DSE_OK) {
+            return status;
+        }
+        dz[first] = dchi[first];
+        dz[first + 1] = M[2] * dchi[first] + M[3] * dchi[first + 1];
+    }
+    return DSE_OK;
+}
+
 static const int block_sizes[] = {2, 1, 2};
 
 void dse_three_tank_normal_form(const dse_real *prepared, struct dse_normal_form *form)
@@ -180,10 +246,13 @@ void dse_three_tank_normal_form(const dse_real *prepared, struct dse_normal_form
                                      .p = OUTPUTS,
                                      .n_i = block_sizes,
                                      .nu = INPUTS,
+                                     .map_without_inputs = true,
                                      .parameters = prepared,
                                      .encode = encode,
                                      .decode = decode,
                                      .field = field,
                                      .jacobian = jacobian,
-                                     .map_jacobian = map_jacobian};
+                                     .map_jacobian = map_jacobian,
+                                     .push = push,
+                                     .field_jacobian = field_jacobian};
 }

@@ -392,6 +392,92 @@ static void map_jacobian_agrees_with_differences(void **state)
     for_all_plants(check_map_jacobians);
 }
 
+static void check_push(struct bench *bench)
+{
+    const struct dse_normal_form *form = &bench->form;
+    dse_real dx[MAX_N], x[MAX_N], dz[MAX_N], plus[MAX_N], minus[MAX_N];
+    if (bench->plant->normal_form == NULL || form->push == NULL) {
+        return;
+    }
+    for (int k = 0; k < form->n; k++) {
+        dx[k] = bench->plant->states[k].scale * (dse_real)(k % 3 - 1);
+    }
+    assert_int_equal(form->push(form, 0, bench->x, bench->u, dx, dz), DSE_OK);
+    const dse_real step = TOLERANCE(1e-6, 1e-3);
+    for (int k = 0; k < form->n; k++) {
+        x[k] = bench->x[k] + step * dx[k];
+    }
+    assert_int_equal(form->encode(form, 0, x, bench->u, plus), DSE_OK);
+    for (int k = 0; k < form->n; k++) {
+        x[k] = bench->x[k] - step * dx[k];
+    }
+    assert_int_equal(form->encode(form, 0, x, bench->u, minus), DSE_OK);
+    for (int k = 0; k < form->n; k++) {
+        assert_near(dz[k], (plus[k] - minus[k]) / (2 * step), 1, TOLERANCE(1e-6, 5e-2));
+    }
+}
+
+static void push_is_the_directional_derivative_of_encode(void **state)
+{
+    (void)state;
+    for_all_plants(check_push);
+}
+
+static void check_field_jacobian(struct bench *bench)
+{
+    const struct dse_normal_form *form = &bench->form;
+    dse_real z0[MAX_N], z[MAX_N], plus[MAX_N], minus[MAX_N], F[MAX_N * MAX_N];
+    if (bench->plant->normal_form == NULL || form->field_jacobian == NULL) {
+        return;
+    }
+    const int n = form->n;
+    assert_int_equal(form->encode(form, 0, bench->x, bench->u, z0), DSE_OK);
+    assert_int_equal(form->field_jacobian(form, 0, z0, bench->u, F), DSE_OK);
+    for (int c = 0; c < n; c++) {
+        const dse_real step = step_of(z0[c]);
+        memcpy(z, z0, sizeof z);
+        z[c] = z0[c] + step;
+        assert_int_equal(form->field(form, 0, z, bench->u, plus), DSE_OK);
+        z[c] = z0[c] - step;
+        assert_int_equal(form->field(form, 0, z, bench->u, minus), DSE_OK);
+        for (int r = 0; r < n; r++) {
+            assert_near(F[r * n + c], (plus[r] - minus[r]) / (2 * step), 1, TOLERANCE(1e-5, 5e-2));
+        }
+    }
+}
+
+static void field_jacobian_agrees_with_differences(void **state)
+{
+    (void)state;
+    for_all_plants(check_field_jacobian);
+}
+
+/* Where a form says that its map has no inputs, another input changes nothing. */
+static void check_map_without_inputs(struct bench *bench)
+{
+    const struct dse_normal_form *form = &bench->form;
+    dse_real u[MAX_U], here[MAX_N], there[MAX_N];
+    if (bench->plant->normal_form == NULL || !form->map_without_inputs) {
+        return;
+    }
+    for (int k = 0; k < bench->plant->nu; k++) {
+        u[k] = bench->u[k] + bench->plant->inputs[k].scale;
+    }
+    assert_int_equal(form->encode(form, 0, bench->x, bench->u, here), DSE_OK);
+    assert_int_equal(form->encode(form, 0, bench->x, u, there), DSE_OK);
+    assert_memory_equal(here, there, (size_t)form->n * sizeof *here);
+    assert_int_equal(form->decode(form, 0, here, u, there), DSE_OK);
+    for (int k = 0; k < form->n; k++) {
+        assert_near(there[k], bench->x[k], 0, TOLERANCE(1e-13, 1e-4));
+    }
+}
+
+static void a_map_without_inputs_has_none(void **state)
+{
+    (void)state;
+    for_all_plants(check_map_without_inputs);
+}
+
 /* ---- cstr2 ---- */
 
 static void cstr2_rests_in_its_steady_states(void **state)
@@ -683,6 +769,9 @@ int main(void)
         cmocka_unit_test(only_the_last_row_of_a_block_is_nonlinear_even_with_a_varying_feed),
         cmocka_unit_test(block_jacobian_freezes_the_other_blocks_of_z),
         cmocka_unit_test(map_jacobian_agrees_with_differences),
+        cmocka_unit_test(push_is_the_directional_derivative_of_encode),
+        cmocka_unit_test(field_jacobian_agrees_with_differences),
+        cmocka_unit_test(a_map_without_inputs_has_none),
         cmocka_unit_test(cstr2_rests_in_its_steady_states),
         cmocka_unit_test(reactor_without_a_temperature_is_a_model_error),
         cmocka_unit_test(feed_without_a_value_is_refused),

@@ -17,6 +17,8 @@
 #ifndef DSE_NORMAL_FORM_H
 #define DSE_NORMAL_FORM_H
 
+#include <stdbool.h>
+
 #include "dse/real.h"
 #include "dse/status.h"
 
@@ -32,6 +34,9 @@ struct dse_normal_form {
     /* nu entries: rates[j] is the index of the input that is the time derivative of input j, or -1
      * for one that is held. NULL: all are held. */
     const int *rates;
+    /* True: Phi does not depend on u, and coordinates stay what they are when an input jumps.
+     * False: they are computed anew from the physical state. */
+    bool map_without_inputs;
     const void *parameters;
 
     /* z (n) = Phi(chi). */
