@@ -220,6 +220,15 @@ def processes_with(text: str) -> dict[int, str]:
     return found
 
 
+def pid_of(url: str, *words: str) -> int:
+    """The one process on a bus with these words in its command line."""
+    found = [
+        pid for pid, line in processes_with(url).items() if all(word in line for word in words)
+    ]
+    assert len(found) == 1, f"{words}: {found}"
+    return found[0]
+
+
 def nobody_left(url: str) -> None:
     """Wait until no process has the URL of a test's bus in its command line."""
     eventually(lambda: not processes_with(url), f"all processes on {url} to be gone", 20)

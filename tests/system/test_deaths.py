@@ -16,6 +16,7 @@ from harness import (
     listening,
     nobody_left,
     nodes_of,
+    pid_of,
     processes_with,
     tool,
 )
@@ -37,15 +38,6 @@ def start_run(stage: Stage, url: str, log: Path, *arguments: object) -> Agent:
     return stage.start(
         dse("dse-run"), "ahg-43", *ENDLESS, "--lcm-url", url, "--log", log, "--quiet", *arguments
     )
-
-
-def pid_of(url: str, *words: str) -> int:
-    """The one process on a bus with these words in its command line."""
-    found = [
-        pid for pid, line in processes_with(url).items() if all(word in line for word in words)
-    ]
-    assert len(found) == 1, f"{words}: {found}"
-    return found[0]
 
 
 def assert_log_is_good(stage: Stage, log: Path, ear: Ear, *, complete_to: int) -> None:
