@@ -11,7 +11,7 @@
 struct lossy_link {
     struct dse_link_config config;
     int nodes;
-    int8_t *table;
+    int16_t *table;
     struct dse_link *fate;
     struct dse_line *line;
     dse_real *memory;
@@ -60,7 +60,7 @@ static bool take_row(struct recording *recording, char *row, struct error *error
         return wrong_row(recording, row, error);
     recording->last = stamp > recording->last ? stamp : recording->last;
     if (stamp < links->config.stamps)
-        links->table[(to * links->nodes + from) * links->config.stamps + stamp] = (int8_t)delay;
+        links->table[(to * links->nodes + from) * links->config.stamps + stamp] = (int16_t)delay;
     return true;
 }
 
@@ -90,10 +90,11 @@ static bool read_table(struct lossy_link *links, const char *scenario, const cha
     beside(scenario, name, path, sizeof path);
     struct recording recording = {.path = path, .links = links, .last = -1};
     size_t size = (size_t)links->nodes * (size_t)links->nodes * (size_t)instants;
-    links->table = malloc(size + 1);
+    links->table = malloc((size + 1) * sizeof *links->table);
     if (links->table == NULL || instants > INT32_MAX / (links->nodes * links->nodes))
         return error_set(error, "%s: too large", path);
-    memset(links->table, DSE_LINK_LOST, size);
+    for (size_t k = 0; k < size; k++)
+        links->table[k] = DSE_LINK_LOST;
     links->config.table = links->table;
     links->config.nodes = links->nodes;
     links->config.stamps = (int)instants;
@@ -125,9 +126,9 @@ static bool open_lines(struct lossy_link *links, int to, const int *sizes, struc
     int reals = 0;
     for (int j = 0; j < links->nodes; j++)
         reals += DSE_LINE_STORAGE(D, sizes[j]);
-    links->fate = calloc((size_t)links->nodes, sizeof *links->fate);
-    links->line = calloc((size_t)links->nodes, sizeof *links->line);
-    links->memory = calloc((size_t)reals, sizeof *links->memory);
+    links->fate = calloc((size_t)links->nodes + 1, sizeof *links->fate);
+    links->line = calloc((size_t)links->nodes + 1, sizeof *links->line);
+    links->memory = calloc((size_t)reals + 1, sizeof *links->memory);
     if (links->fate == NULL || links->line == NULL || links->memory == NULL)
         return error_set(error, "out of memory");
     dse_arena_init(&arena, links->memory, reals);

@@ -21,6 +21,7 @@ struct lossy_link_section {
 
 extern const cyaml_schema_field_t lossy_link_fields[];
 
+/* NOLINTBEGIN(bugprone-macro-parentheses): the prefix is a literal that joins its neighbours */
 /* Rules for the method's table; prefix: the path of the mapping in its section. */
 #define LOSSY_LINK_RULES(prefix)                                                                   \
     {.key = prefix,                                                                                \
@@ -49,6 +50,8 @@ extern const cyaml_schema_field_t lossy_link_fields[];
         .key = prefix ".file", SCENARIO_ANY, .absent = "random",                                   \
         .meaning = "recorded network, a CSV beside the scenario: to,from,stamp,delay"              \
     }
+
+/* NOLINTEND(bugprone-macro-parentheses) */
 
 /* All that comes to one node. */
 struct lossy_link;

@@ -82,26 +82,27 @@ static enum dse_status past_step(struct dse_high_gain_ekf *filter, int64_t k, ds
     return dse_high_gain_recode(filter, tick.t + h, end, inputs_at(filter, k + 1), x);
 }
 
-/* Own block from `own`, all that is known of the others at this instant. */
+static void copy(int n, const dse_real *from, dse_real *to)
+{
+    for (int k = 0; k < n; k++) {
+        to[k] = from[k];
+    }
+}
+
+/* Own block from `own`, all that is known of the others at this instant. own may be x. */
 static void correct_picture(const struct dse_high_gain_ekf *filter, int64_t instant,
                             const dse_real *own, dse_real *x)
 {
     const struct dse_normal_form *form = filter->config->form;
     int offset = 0;
     for (int j = 0; j < filter->p; j++) {
-        const dse_real *block =
-            j == filter->config->i ? own + offset : dse_mailbox_get(&filter->mailbox, j, instant);
-        for (int k = 0; block != NULL && k < form->n_i[j]; k++) {
-            x[offset + k] = block[k];
+        const dse_real *block = dse_mailbox_get(&filter->mailbox, j, instant);
+        if (j == filter->config->i) {
+            copy(form->n_i[j], own + offset, x + offset);
+        } else if (block != NULL) {
+            copy(form->n_i[j], block, x + offset);
         }
         offset += form->n_i[j];
-    }
-}
-
-static void copy(int n, const dse_real *from, dse_real *to)
-{
-    for (int k = 0; k < n; k++) {
-        to[k] = from[k];
     }
 }
 
@@ -138,7 +139,7 @@ static void take_into_past(struct dse_high_gain_ekf *filter, int64_t now)
         first = now;
     }
     first = first < filter->past_from ? filter->past_from : first;
-    if (first < now) {
+    if (first < now && filter->pictures != NULL) {
         if (replay(filter, first, now, filter->xs) == DSE_OK) {
             copy(filter->n, filter->xs, filter->base);
             return;

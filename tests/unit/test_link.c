@@ -31,7 +31,8 @@ static void delays_and_runs_of_losses_stay_within_their_bounds(void **state)
     (void)state;
     for (int D = 0; D <= MAX_D; D++) {
         for (int T_m = 0; T_m <= 3; T_m++) {
-            const struct dse_link_config config = lossy(D, T_m, 0.7, (uint64_t)(17 * D + T_m));
+            const struct dse_link_config config =
+                lossy(D, T_m, 0.7, 17 * (uint64_t)D + (uint64_t)T_m);
             struct dse_link link = link_of(&config, 1, 0);
             int run = 0, longest = 0, largest = 0;
             assert_int_equal(dse_link_fate(&link, 0), 0);
@@ -88,7 +89,7 @@ static void fate_depends_on_seed_pair_and_stamp_only(void **state)
 static void recorded_network_is_replayed(void **state)
 {
     (void)state;
-    static const int8_t table[2 * 2 * 3] = {0, 0, 0, /**/ 1, -1, 3, /**/ 2, 0, -1, /**/ 0, 0, 0};
+    static const int16_t table[2 * 2 * 3] = {0, 0, 0, /**/ 1, -1, 3, /**/ 2, 0, -1, /**/ 0, 0, 0};
     const struct dse_link_config config = {.max_delay = 2, .table = table, .nodes = 2, .stamps = 3};
     struct dse_link link = link_of(&config, 0, 1), back = link_of(&config, 1, 0);
     assert_int_equal(dse_link_fate(&link, 0), 1);

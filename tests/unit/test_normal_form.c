@@ -54,7 +54,7 @@ typedef enum dse_status (*map)(const struct dse_normal_form *form, dse_real t, c
 static void difference(const struct point *point, map f, const dse_real *at, const dse_real *d,
                        dse_real h, dse_real *slope)
 {
-    dse_real moved[MAX_N], up[MAX_N], down[MAX_N];
+    dse_real moved[MAX_N] = {0}, up[MAX_N], down[MAX_N];
     for (int k = 0; k < point->n; k++) {
         moved[k] = at[k] + h * d[k];
     }
@@ -92,7 +92,7 @@ static void push_is_the_derivative_of_the_map(void **state)
         }
         seen++;
         for (int c = 0; c < point.n; c++) {
-            dse_real d[MAX_N] = {0}, got[MAX_N], want[MAX_N];
+            dse_real d[MAX_N] = {0}, got[MAX_N] = {0}, want[MAX_N] = {0};
             d[c] = 1;
             d[(c + 1) % point.n] = DSE_REAL(0.3);
             assert_int_equal(point.form.push(&point.form, 0, point.x, point.u, d, got), DSE_OK);
@@ -109,7 +109,7 @@ static void field_jacobian_is_the_derivative_of_the_field_and_contains_the_block
     int seen = 0;
     for (int p = 0; dse_plant_at(p) != NULL; p++) {
         struct point point = {.n = 0};
-        dse_real F[MAX_N * MAX_N], own[MAX_N * MAX_N];
+        dse_real F[MAX_N * MAX_N] = {0}, own[MAX_N * MAX_N] = {0};
         if (!make_point(dse_plant_at(p), &point) || point.form.field_jacobian == NULL) {
             continue;
         }
@@ -117,7 +117,7 @@ static void field_jacobian_is_the_derivative_of_the_field_and_contains_the_block
         const int n = point.n;
         assert_int_equal(point.form.field_jacobian(&point.form, 0, point.z, point.u, F), DSE_OK);
         for (int c = 0; c < n; c++) {
-            dse_real d[MAX_N] = {0}, column[MAX_N], want[MAX_N];
+            dse_real d[MAX_N] = {0}, column[MAX_N] = {0}, want[MAX_N] = {0};
             d[c] = 1;
             difference(&point, point.form.field, point.z, d, STEP * dse_abs(point.z[c]), want);
             for (int r = 0; r < n; r++) {

@@ -34,7 +34,7 @@ struct dse_link_config {
     uint64_t seed;  /* with the pair it gives the sequence; not with a table */
     /* A recorded network: table[(to nodes + from) stamps + s] is the delay of the packet with stamp
      * s, negative when it was lost. NULL: random. After its end everything comes at once. */
-    const int8_t *table;
+    const int16_t *table;
     int nodes, stamps; /* sizes of the table */
 };
 
