@@ -13,7 +13,7 @@
 #define LN2_OVER_TABLE_LO  (-0x1.718432a1b0e26p-41)
 #define OVERFLOW_ARGUMENT  710.0         /* exp is infinite from 709.78 on */
 #define ORDINARY_ARGUMENT  (dse_real)700 /* below it in size, exp and its 2^k are normal numbers */
-#define BLOCK              32
+#define BLOCK              16 /* numbers taken together: more would cost stack and bring nothing */
 #define UNDERFLOW_ARGUMENT (-746.0) /* exp is zero from -745.13 down */
 
 /* 2^(i/64) = hi + lo, each rounded to nearest. */

@@ -162,7 +162,7 @@ static enum dse_status derivative(const struct dse_model *model, dse_real t, con
 
 /* Several states side by side: their exponentials are taken together, everything else is as in
  * derivative(). */
-enum { LANES = 8 };
+enum { LANES = 4 };
 
 static enum dse_status lane_rates(const struct dse_cstr_network *network, int temperatures,
                                   const dse_real *x, dse_real *Rh, dse_real *r)

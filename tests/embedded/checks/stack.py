@@ -28,9 +28,21 @@ import run_image
 
 # Kinds of functions that are called through pointers: by which members, with which parameters.
 POINT = "dse_real, const dse_real *, const dse_real *, dse_real *"
+DIRECTION = POINT.replace("dse_real,", "dse_real, const dse_real *,", 1)
 KINDS = {
     "dse_model": ({"f", "h", "dfdx", "dhdx"}, f"const struct dse_model *, {POINT}"),
-    "dse_normal_form": ({"encode", "decode", "field"}, f"const struct dse_normal_form *, {POINT}"),
+    "dse_model's f_many": (
+        {"f_many"},
+        "const struct dse_model *, dse_real, int, const dse_real *, const dse_real *, dse_real *",
+    ),
+    "dse_normal_form": (
+        {"encode", "decode", "field", "field_jacobian"},
+        f"const struct dse_normal_form *, {POINT}",
+    ),
+    "dse_normal_form's push": (
+        {"push"},
+        f"const struct dse_normal_form *, {DIRECTION}",
+    ),
     "dse_normal_form's Jacobians": (
         {"jacobian", "map_jacobian"},
         f"const struct dse_normal_form *, int, {POINT}",
