@@ -511,8 +511,10 @@ static void the_shipped_scenarios_are_read_and_state_their_experiments(void **st
         char path[1024];
         bool found = scenario_find(cases[i].name, path, sizeof path, &error);
         struct scenario *s = found ? scenario_read(path, NULL, 0, &error) : NULL;
-        if (s == NULL)
+        if (s == NULL) {
             fail_msg("%s", error.text);
+            return;
+        }
         assert_int_equal(scenario_samples(s), 1800);
         assert_int_equal(s->networks_count, cases[i].networks);
         assert_string_equal(s->networks[0].name, cases[i].first);

@@ -40,8 +40,8 @@ int shim_call(const char *shipped, int set, const dse_real *values, const char *
     if (plant == NULL || plant->prepared_size > MOST) {
         return DSE_EDIM;
     }
-    enum dse_status status = plant->prepare(values == NULL ? plant->sets[set].values : values,
-                                            prepared);
+    enum dse_status status =
+        plant->prepare(values == NULL ? plant->sets[set].values : values, prepared);
     if (status != DSE_OK || strcmp(what, "prepare") == 0) {
         return status;
     }

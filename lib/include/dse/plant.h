@@ -47,11 +47,11 @@ struct dse_subsystem {
 };
 
 struct dse_plant {
-    const char *name;     /* "cstr2" */
-    const char *title;    /* "two CSTRs with recycle" */
-    const char *source;   /* where it comes from */
+    const char *name;      /* "cstr2" */
+    const char *title;     /* "two CSTRs with recycle" */
+    const char *source;    /* where it comes from */
     const char *time_unit; /* "h" */
-    dse_real time_unit_s; /* seconds in one unit of plant time: 3600 for hours */
+    dse_real time_unit_s;  /* seconds in one unit of plant time: 3600 for hours */
 
     int nx, nu, ny;
     const struct dse_signal *states;  /* nx */
