@@ -12,7 +12,7 @@
 #define OPTION_NODE    OPTION_OWN
 #define OPTION_NETWORK (OPTION_OWN + 1)
 
-static const char program[] = "dse-estimator";
+static const char name[] = "dse-estimator";
 
 static const char help[] =
     "usage: dse-estimator SCENARIO --node N [options]\n"
@@ -38,43 +38,21 @@ static bool take_nodes(struct choice *choice, char *value, struct error *error)
                            METHOD_MAX_NODES - 1, &choice->last, error);
 }
 
-/* 0: go on; otherwise an exit code + 1. */
-static int read_options(int argc, char **argv, struct options *options, struct choice *choice)
+static bool take(void *self, int option, char *value, struct error *error)
 {
-    static const struct option table[] = {OPTIONS_COMMON,
-                                          {"node", required_argument, NULL, OPTION_NODE},
-                                          {"network", required_argument, NULL, OPTION_NETWORK},
-                                          {0}};
-    struct error error = {0};
-    choice->first = -1;
-    int option;
-    while ((option = getopt_long(argc, argv, "h", table, NULL)) != -1) {
-        bool ok = true;
-        if (option == 'h') {
-            printf("%s%s", help, options_common_help);
-            return 1;
-        } else if (option == OPTION_VERSION) {
-            printf("dse %s\n", DSE_VERSION);
-            return 1;
-        } else if (option == '?') {
-            return EXIT_BAD_INPUT + 1;
-        } else if (option == OPTION_NODE) {
-            ok = take_nodes(choice, optarg, &error);
-        } else if (option == OPTION_NETWORK) {
-            choice->network = optarg;
-        } else {
-            ok = options_take(options, option, optarg, &error);
-        }
-        if (!ok)
-            return options_complain(program, &error) + 1;
-    }
-    if (optind < argc)
-        options->scenario = argv[optind];
-    if (optind + 1 < argc)
-        error_set(&error, "%s: only one scenario can be run at a time", argv[optind + 1]);
-    else if (choice->first < 0)
-        error_set(&error, "which node? Give --node N (0 is the first) or --node N..M");
-    return error.text[0] != '\0' ? options_complain(program, &error) + 1 : 0;
+    struct choice *choice = self;
+    if (option == OPTION_NODE)
+        return take_nodes(choice, value, error);
+    choice->network = value;
+    return true;
+}
+
+static bool check(const void *self, const struct options *options, struct error *error)
+{
+    (void)options;
+    const struct choice *choice = self;
+    return choice->first >= 0 ||
+           error_set(error, "which node? Give --node N (0 is the first) or --node N..M");
 }
 
 static bool make_agents(const struct scenario *scenario, const struct options *options,
@@ -117,11 +95,17 @@ static bool make_agents(const struct scenario *scenario, const struct options *o
 int main(int argc, char **argv)
 {
     struct options options = {0};
-    struct choice choice = {0};
+    struct choice choice = {.first = -1};
     struct error error = {0};
     static struct agent agents[MAX_AGENTS];
     int n_agents = 0;
-    int stop = read_options(argc, argv, &options, &choice);
+    static const struct option table[] = {OPTIONS_COMMON,
+                                          {"node", required_argument, NULL, OPTION_NODE},
+                                          {"network", required_argument, NULL, OPTION_NETWORK},
+                                          {0}};
+    struct options_program program = {
+        .name = name, .help = help, .table = table, .own = &choice, .take = take, .check = check};
+    int stop = options_read(&program, argc, argv, &options);
     if (stop != 0)
         return stop - 1;
     host_catch_signals();
@@ -131,7 +115,7 @@ int main(int argc, char **argv)
     if (bus != NULL && make_agents(scenario, &options, &choice, bus, agents, &n_agents, &error))
         code = host_run(bus, agents, n_agents, NULL, NULL, &error) ? 0 : EXIT_RUN;
     if (error.text[0] != '\0')
-        options_complain(program, &error);
+        options_complain(name, &error);
     for (int i = 0; i < n_agents; i++)
         agents[i].destroy(agents[i].self);
     bus_close(bus);

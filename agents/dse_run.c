@@ -17,7 +17,7 @@ enum {
     OPTION_PROCESSES
 };
 
-static const char program[] = "dse-run";
+static const char name[] = "dse-run";
 
 static const char help[] =
     "usage: dse-run SCENARIO [options]\n"
@@ -37,8 +37,9 @@ static const char help[] =
     "  --keys             all keys of a scenario with their limits and defaults\n"
     "  --quiet            no progress lines\n";
 
-static bool take(struct run_options *options, int option, const char *value, struct error *error)
+static bool take(void *self, int option, char *value, struct error *error)
 {
+    struct run_options *options = self;
     int64_t number = 0;
     switch (option) {
     case OPTION_INPROC:
@@ -64,27 +65,33 @@ static bool take(struct run_options *options, int option, const char *value, str
             return false;
         options->processes = (int)number;
         return true;
+    case OPTION_KEYS:
+        options->keys = true;
+        return true;
     default:
-        return options_take(&options->common, option, value, error);
+        options->list = true;
+        return true;
     }
 }
 
-static bool consistent(const struct run_options *options, struct error *error)
+static bool check(const void *self, const struct options *common, struct error *error)
 {
-    if (options->replay != NULL && options->common.scenario != NULL)
+    const struct run_options *options = self;
+    if (options->replay != NULL && common->scenario != NULL)
         return error_set(error, "--replay takes the scenario from the log: leave out %s",
-                         options->common.scenario);
-    if (options->replay != NULL && options->common.pace_given)
+                         common->scenario);
+    if (options->replay != NULL && common->pace_given)
         return error_set(error, "--replay goes as fast as it can: leave out --pace");
-    if (options->inproc && options->common.pace == DSE_CLOCK_T_PACE_REPLAY)
+    if (options->inproc && common->pace == DSE_CLOCK_T_PACE_REPLAY)
         return error_set(error, "--pace replay needs processes on a bus: leave out --inproc, or "
                                 "use --replay LOG");
     return true;
 }
 
-/* 0: go on; otherwise an exit code + 1. */
-static int read_options(int argc, char **argv, struct run_options *options)
+int main(int argc, char **argv)
 {
+    struct run_options options = {0};
+    struct error error = {0};
     static const struct option table[] = {OPTIONS_COMMON,
                                           {"inproc", no_argument, NULL, OPTION_INPROC},
                                           {"replay", required_argument, NULL, OPTION_REPLAY},
@@ -96,47 +103,23 @@ static int read_options(int argc, char **argv, struct run_options *options)
                                           {"list", no_argument, NULL, OPTION_LIST},
                                           {"processes", required_argument, NULL, OPTION_PROCESSES},
                                           {0}};
-    struct error error = {0};
-    int option;
-    while ((option = getopt_long(argc, argv, "h", table, NULL)) != -1) {
-        if (option == 'h')
-            printf("%s%s", help, options_common_help);
-        else if (option == OPTION_VERSION)
-            printf("dse %s\n", DSE_VERSION);
-        else if (option == OPTION_KEYS)
-            scenario_print_keys();
-        else if (option == OPTION_LIST)
-            scenario_print_list();
-        else if (option == '?')
-            return EXIT_BAD_INPUT + 1;
-        else if (!take(options, option, optarg, &error))
-            return options_complain(program, &error) + 1;
-        else
-            continue;
-        return 1;
-    }
-    if (optind < argc)
-        options->common.scenario = argv[optind];
-    if (optind + 1 < argc)
-        error_set(&error, "%s: only one scenario can be run at a time", argv[optind + 1]);
-    else
-        consistent(options, &error);
-    return error.text[0] != '\0' ? options_complain(program, &error) + 1 : 0;
-}
-
-int main(int argc, char **argv)
-{
-    struct run_options options = {0};
-    struct error error = {0};
-    int stop = read_options(argc, argv, &options);
+    struct options_program program = {
+        .name = name, .help = help, .table = table, .own = &options, .take = take, .check = check};
+    int stop = options_read(&program, argc, argv, &options.common);
     if (stop != 0)
         return stop - 1;
+    if (options.keys)
+        scenario_print_keys();
+    if (options.list)
+        scenario_print_list();
+    if (options.keys || options.list)
+        return 0;
     host_catch_signals();
     if (options.replay != NULL)
         return run_replay(&options);
     struct scenario *scenario = options_scenario(&options.common, &error);
     if (scenario == NULL)
-        return options_complain(program, &error);
+        return options_complain(name, &error);
     int code;
     if (options.dry_run)
         code = run_dry(&options, scenario);

@@ -14,6 +14,8 @@ struct run_options {
     const char *replay; /* log to re-estimate from */
     const char *log;    /* NULL: runs/<scenario>-<date>-<time>.lcm; "": none */
     bool dry_run;
+    bool keys; /* print the table of keys */
+    bool list; /* print the shipped scenarios */
     bool quiet;
     int processes; /* estimator processes that share the nodes, 0: one per node */
 };

@@ -73,7 +73,7 @@ static bool take_pace(struct options *options, const char *value, struct error *
     return error_set(error, "--pace %s: must be lockstep, realtime or replay", value);
 }
 
-bool options_take(struct options *options, int option, const char *value, struct error *error)
+static bool take_common(struct options *options, int option, const char *value, struct error *error)
 {
     int64_t number = 0;
     switch (option) {
@@ -96,6 +96,47 @@ bool options_take(struct options *options, int option, const char *value, struct
     default:
         return error_set(error, "unknown option; --help lists them");
     }
+}
+
+/* 0: taken; otherwise an exit code + 1. */
+static int take(const struct options_program *program, struct options *options, int option)
+{
+    struct error error = {0};
+    switch (option) {
+    case 'h':
+        printf("%s%s", program->help, options_common_help);
+        return 1;
+    case OPTION_VERSION:
+        printf("dse %s\n", DSE_VERSION);
+        return 1;
+    case '?':
+        return EXIT_BAD_INPUT + 1;
+    default:
+        break;
+    }
+    bool ok = option >= OPTION_OWN ? program->take(program->own, option, optarg, &error)
+                                   : take_common(options, option, optarg, &error);
+    return ok ? 0 : options_complain(program->name, &error) + 1;
+}
+
+int options_read(const struct options_program *program, int argc, char **argv,
+                 struct options *options)
+{
+    struct error error = {0};
+    int option;
+    while ((option = getopt_long(argc, argv, "h", program->table, NULL)) != -1) {
+        int stop = take(program, options, option);
+        if (stop != 0)
+            return stop;
+    }
+    if (optind < argc)
+        options->scenario = argv[optind];
+    bool ok = true;
+    if (optind + 1 < argc)
+        ok = error_set(&error, "%s: only one scenario can be run at a time", argv[optind + 1]);
+    else if (program->check != NULL)
+        ok = program->check(program->own, options, &error);
+    return ok ? 0 : options_complain(program->name, &error) + 1;
 }
 
 struct scenario *options_scenario(const struct options *options, struct error *error)

@@ -47,8 +47,22 @@ enum {
 
 extern const char options_common_help[];
 
-/* Takes one common option; false and an error text when its value makes no sense. */
-bool options_take(struct options *options, int option, const char *value, struct error *error);
+/* What a program adds to the common options. */
+struct options_program {
+    const char *name;
+    const char *help; /* printed before the common options' */
+    const struct option *table;
+    void *own; /* where its own options go */
+    /* Takes an own option: false and an error text when its value makes no sense. */
+    bool (*take)(void *own, int option, char *value, struct error *error);
+    /* Checks the whole; may be NULL. */
+    bool (*check)(const void *own, const struct options *options, struct error *error);
+};
+
+/* Reads the command line; --help, --version and mistakes are answered here. 0: go on; otherwise the
+ * exit code to end with, plus 1. */
+int options_read(const struct options_program *program, int argc, char **argv,
+                 struct options *options);
 
 /* A whole number within [min, max] or a number; false and an error text that names the option. */
 bool options_integer(const char *name, const char *value, int64_t min, int64_t max, int64_t *number,
