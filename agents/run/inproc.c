@@ -185,7 +185,7 @@ int run_replay(const struct run_options *options)
     struct scenario *scenario = NULL;
     bool ok = recorded_open(options->replay, &recorded, &error);
     bool usable = ok && (scenario = recorded_scenario(options, &recorded, &error)) != NULL &&
-                  recorded_load(&recorded, scenario, &error);
+                  recorded_load(&recorded, scenario, true, &error);
     if (usable && recorded.samples < recorded.info.samples)
         fprintf(stderr, "dse-run: %s holds %lld of the run's %lld samples\n", options->replay,
                 (long long)recorded.samples, (long long)recorded.info.samples);

@@ -364,8 +364,8 @@ static void check_log(const char *path, const struct scenario *scenario)
 {
     struct error error = {0};
     struct recorded recorded;
-    if (recorded_open(path, &recorded, &error) && recorded_load(&recorded, scenario, &error) &&
-        recorded.missing > 0)
+    if (recorded_open(path, &recorded, &error) &&
+        recorded_load(&recorded, scenario, false, &error) && recorded.missing > 0)
         fprintf(stderr, "dse-run: the log lacks %lld message(s) that did not reach lcm-logger\n",
                 (long long)recorded.missing);
     recorded_free(&recorded);

@@ -197,7 +197,8 @@ static void count_missing(struct recorded *recorded)
     }
 }
 
-bool recorded_load(struct recorded *recorded, const struct scenario *scenario, struct error *error)
+bool recorded_load(struct recorded *recorded, const struct scenario *scenario, bool with_estimates,
+                   struct error *error)
 {
     recorded->process = scenario->process;
     if (!allocate(recorded, error))
@@ -213,7 +214,7 @@ bool recorded_load(struct recorded *recorded, const struct scenario *scenario, s
             take_truth(recorded, &event);
         else if (strncmp(event.channel, "DSE_MEASUREMENT_", 16) == 0)
             take_measurement(recorded, &event);
-        else if (strncmp(event.channel, "DSE_ESTIMATE_", 13) == 0)
+        else if (with_estimates && strncmp(event.channel, "DSE_ESTIMATE_", 13) == 0)
             take_estimate(recorded, &event);
     }
     log_close(log);

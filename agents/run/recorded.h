@@ -33,8 +33,9 @@ struct recorded {
 
 /* Reads the scenario from the log's run_info. */
 bool recorded_open(const char *path, struct recorded *recorded, struct error *error);
-/* Reads the samples and estimates. */
-bool recorded_load(struct recorded *recorded, const struct scenario *scenario, struct error *error);
+/* Reads the samples and, if asked to, the estimates. */
+bool recorded_load(struct recorded *recorded, const struct scenario *scenario, bool with_estimates,
+                   struct error *error);
 void recorded_free(struct recorded *recorded);
 
 /* The recorded samples as a source; `recorded` must outlive it. */
