@@ -9,6 +9,7 @@
 #include "dse/high_gain_ekf.h"
 #include "dse/kalman.h"
 #include "dse/linalg.h"
+#include "dse/linear_mhe.h"
 #include "dse/link.h"
 #include "dse/math.h"
 #include "dse/model.h"

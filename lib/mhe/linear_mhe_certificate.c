@@ -1,0 +1,173 @@
+/* Linear moving horizon estimator: how far given states are from optimal, from the data of the
+ * problem alone. */
+#include <stddef.h>
+
+#include "dse/linalg.h"
+#include "dse/linear_mhe.h"
+#include "dse/math.h"
+#include "linear_mhe_internal.h"
+
+/* The largest absolute values over the window, and what follows from them. */
+struct sizes {
+    dse_real *x;      /* nx */
+    dse_real *b;      /* nx */
+    dse_real *lambda; /* nx */
+    dse_real *white;  /* ny */
+    dse_real *dual;   /* nx: of the terms of lambda */
+    dse_real *work;   /* nx */
+    dse_real *error;  /* ny */
+};
+
+static struct sizes sizes_in(const struct dse_linear_mhe *mhe)
+{
+    struct sizes s;
+    s.x = mhe->scratch;
+    s.b = s.x + mhe->nx;
+    s.lambda = s.b + mhe->nx;
+    s.dual = s.lambda + mhe->nx;
+    s.work = s.dual + mhe->nx;
+    s.white = s.work + mhe->nx;
+    s.error = s.white + mhe->ny;
+    return s;
+}
+
+static void enlarge(int n, const dse_real *v, dse_real *largest)
+{
+    for (int i = 0; i < n; i++)
+        largest[i] = dse_max(largest[i], dse_abs(v[i]));
+}
+
+/* Backwards  lambda_j = E_j' (white_j - E_j x_j) + A' lambda_{j+1}. */
+static void find_multipliers(struct dse_linear_mhe *mhe, const dse_real *x, const struct sizes *s)
+{
+    const int nx = mhe->nx, ny = mhe->ny, H = mhe->length;
+    for (int j = H - 1; j >= 0; j--) {
+        const int place = linear_mhe_place(mhe, j);
+        const dse_real *rows = linear_mhe_rows(mhe, place), *white = mhe->white + place * ny;
+        dse_real *lambda = mhe->lambda + j * nx;
+        for (int c = 0; c < ny; c++)
+            s->error[c] = white[c] - dse_dot(nx, rows + c * nx, x + j * nx);
+        dse_mat_tvec(ny, nx, rows, s->error, lambda);
+        if (j < H - 1) {
+            dse_mat_tvec(nx, nx, mhe->config->linear.A, lambda + nx, s->work);
+            dse_axpy(nx, 1, s->work, lambda);
+        }
+        enlarge(ny, white, s->white);
+        enlarge(nx, x + j * nx, s->x);
+        enlarge(nx, lambda, s->lambda);
+    }
+}
+
+/* r <- r - Q v. */
+static void subtract_noise(const struct dse_linear_mhe *mhe, const dse_real *v, dse_real *r)
+{
+    const int nx = mhe->nx;
+    const dse_real *Q = mhe->config->Q;
+    if (!Q)
+        return;
+    for (int i = 0; i < nx; i++)
+        r[i] -= mhe->Q_diagonal ? Q[i * nx + i] * v[i] : dse_dot(nx, Q + i * nx, v);
+}
+
+/* residual_j = x_j - A x_{j-1} - b_j - Q lambda_j,  residual_0 = x_0 - xbar - P lambda_0 or
+ * lambda_0.
+ */
+static void find_residuals(struct dse_linear_mhe *mhe, const dse_real *x, const struct sizes *s)
+{
+    const int nx = mhe->nx, H = mhe->length;
+    for (int j = 1; j < H; j++) {
+        const dse_real *b = mhe->b + linear_mhe_place(mhe, j) * nx;
+        dse_real *r = mhe->residual + j * nx;
+        dse_mat_vec(nx, nx, mhe->config->linear.A, x + (j - 1) * nx, r);
+        for (int i = 0; i < nx; i++)
+            r[i] = x[j * nx + i] - r[i] - b[i];
+        subtract_noise(mhe, mhe->lambda + j * nx, r);
+        enlarge(nx, b, s->b);
+    }
+    dse_real *r = mhe->residual;
+    for (int i = 0; i < nx; i++)
+        r[i] = mhe->config->arrival == DSE_ARRIVAL_NONE ? mhe->lambda[i] : x[i] - mhe->xbar[i];
+    if (mhe->config->arrival == DSE_ARRIVAL_NONE)
+        return;
+    for (int p = 0; p < mhe->prior_rank; p++) {
+        const dse_real *v = mhe->prior_V + p * nx;
+        dse_axpy(nx, -dse_dot(nx, v, mhe->lambda), v, r);
+    }
+}
+
+/* sum_p |M_ip| v_p, or |M_pi| when transposed. */
+static dse_real row_size(int n, const dse_real *M, int i, bool transposed, const dse_real *v)
+{
+    dse_real sum = 0;
+    for (int p = 0; p < n; p++)
+        sum += dse_abs(M[transposed ? p * n + i : i * n + p]) * v[p];
+    return sum;
+}
+
+/* dual = |E|' (|white| + |E| |x|) + |A|' |lambda|. */
+static void find_dual_size(const struct dse_linear_mhe *mhe, const struct sizes *s)
+{
+    const int nx = mhe->nx, ny = mhe->ny;
+    for (int i = 0; i < nx; i++)
+        s->dual[i] = row_size(nx, mhe->config->linear.A, i, true, s->lambda);
+    for (int c = 0; c < ny; c++) {
+        const dse_real size = s->white[c] + row_size(nx, mhe->E + c * nx, 0, false, s->x);
+        for (int i = 0; i < nx; i++)
+            s->dual[i] += dse_abs(mhe->E[c * nx + i]) * size;
+    }
+}
+
+/* residual / size where there is something, and infinity where a residual has no terms. */
+static dse_real ratio(dse_real residual, dse_real size)
+{
+    return residual == 0 ? 0 : residual / size;
+}
+
+/* The start: |x_0| + |xbar| + |P| dual, with |P| <= sum_p |V_p| |V_p|'. */
+static dse_real start_ratio(const struct dse_linear_mhe *mhe, const dse_real *x,
+                            const struct sizes *s)
+{
+    const int nx = mhe->nx;
+    const bool none = mhe->config->arrival == DSE_ARRIVAL_NONE;
+    for (int i = 0; i < nx; i++)
+        s->work[i] = none ? s->dual[i] : dse_abs(x[i]) + dse_abs(mhe->xbar[i]);
+    for (int p = 0; p < mhe->prior_rank; p++) { /* rank 0 when NONE */
+        const dse_real *v = mhe->prior_V + p * nx;
+        const dse_real along = row_size(nx, v, 0, false, s->dual);
+        for (int i = 0; i < nx; i++)
+            s->work[i] += dse_abs(v[i]) * along;
+    }
+    dse_real worst = 0;
+    for (int i = 0; i < nx; i++)
+        worst = dse_max(worst, ratio(dse_abs(mhe->residual[i]), s->work[i]));
+    return worst;
+}
+
+/* A transition: |x| + |A| |x| + |b| + |Q| dual. */
+static dse_real transition_ratio(const struct dse_linear_mhe *mhe, const struct sizes *s)
+{
+    const int nx = mhe->nx;
+    const dse_real *A = mhe->config->linear.A, *Q = mhe->config->Q;
+    for (int i = 0; i < nx; i++)
+        s->work[i] = 0;
+    for (int j = 1; j < mhe->length; j++)
+        enlarge(nx, mhe->residual + j * nx, s->work);
+    dse_real worst = 0;
+    for (int i = 0; i < nx; i++) {
+        const dse_real noise = Q ? row_size(nx, Q, i, false, s->dual) : 0;
+        const dse_real size = s->x[i] + row_size(nx, A, i, false, s->x) + s->b[i] + noise;
+        worst = dse_max(worst, ratio(s->work[i], size));
+    }
+    return worst;
+}
+
+dse_real dse_linear_mhe_certify(struct dse_linear_mhe *mhe, const dse_real *x)
+{
+    const struct sizes s = sizes_in(mhe);
+    for (int i = 0; i < 6 * mhe->nx + 2 * mhe->ny; i++)
+        s.x[i] = 0;
+    find_multipliers(mhe, x, &s);
+    find_residuals(mhe, x, &s);
+    find_dual_size(mhe, &s);
+    return dse_max(start_ratio(mhe, x, &s), transition_ratio(mhe, &s));
+}

@@ -1,0 +1,242 @@
+/* Linear moving horizon estimator: solution of the optimality system with its factors. */
+#include <stddef.h>
+
+#include "dse/linalg.h"
+#include "dse/linear_mhe.h"
+#include "dse/math.h"
+#include "linear_mhe_internal.h"
+
+/* Residuals above this many roundings are corrected, at most this often. */
+#define REFINE_ABOVE    (64 * DSE_REAL_EPSILON)
+#define REFINEMENTS_MAX 2
+
+/* Right-hand side of the optimality system. Sample j of the window is in place (first + j) mod N of
+ * b and c. */
+struct right_hand_side {
+    int first;
+    const dse_real *start; /* nx: xbar; without arrival cost lambda_0 of what is to be found */
+    const dse_real *b;     /* N x nx: of the transitions to samples 1, 2, .. */
+    const dse_real *c;     /* N x nx; NULL: zero */
+    bool b_is_zero;
+};
+
+static const dse_real *at(const struct dse_linear_mhe *mhe, const dse_real *rows, int place)
+{
+    return rows + (place < mhe->N ? place : place - mhe->N) * mhe->nx;
+}
+
+/* v <- T v and v <- T' v, T upper triangular, in place. */
+static void upper_product(int n, const dse_real *T, dse_real *v)
+{
+    for (int i = 0; i < n; i++)
+        v[i] = dse_dot(n - i, T + i * n + i, v + i);
+}
+
+static void upper_transposed_product(int n, const dse_real *T, dse_real *v)
+{
+    for (int i = n - 1; i >= 0; i--) {
+        const dse_real a = v[i];
+        v[i] = 0;
+        dse_axpy(n - i, a, T + i * n + i, v + i);
+    }
+}
+
+/* v <- (T' T)^-1 v. */
+static void solve_start_alone(int n, const dse_real *T, dse_real *v)
+{
+    for (int i = 0; i < n; i++) { /* T' */
+        v[i] /= T[i * n + i];
+        dse_axpy(n - i - 1, -v[i], T + i * n + i + 1, v + i + 1);
+    }
+    for (int i = n - 1; i >= 0; i--) /* T */
+        v[i] = (v[i] - dse_dot(n - i - 1, T + i * n + i + 1, v + i + 1)) / T[i * n + i];
+}
+
+/* ghat = g - T' T b:  the linear term of the cost to go of A x + b, as a function of A x. */
+static void shift(int n, const dse_real *T, const dse_real *b, dse_real *work, dse_real *g)
+{
+    for (int i = 0; i < n; i++)
+        work[i] = b[i];
+    upper_product(n, T, work);
+    upper_transposed_product(n, T, work);
+    dse_axpy(n, -1, work, g);
+}
+
+/* x_0 = xbar + start' start (g_0 - T' T xbar), or (T' T)^-1 (g_0 - lambda_0). */
+static void solve_start(const struct dse_linear_mhe *mhe, const struct right_hand_side *rhs,
+                        dse_real *x)
+{
+    const int n = mhe->nx;
+    const dse_real *T = linear_mhe_stage(mhe, mhe->length - 1).T;
+    dse_real *g = mhe->g, *work = mhe->scratch;
+    if (mhe->config->arrival == DSE_ARRIVAL_NONE) {
+        for (int i = 0; i < n; i++)
+            x[i] = g[i] - (rhs->start ? rhs->start[i] : 0);
+        solve_start_alone(n, T, x);
+        return;
+    }
+    shift(n, T, rhs->start, work, g);
+    for (int i = 0; i < n; i++)
+        x[i] = rhs->start[i];
+    for (int p = 0; p < mhe->start_rank; p++) {
+        const dse_real *s = mhe->start + p * n;
+        dse_axpy(n, dse_dot(n, s, g), s, x);
+    }
+}
+
+/* Backwards  g_j = c_j + F' ghat_{j+1},  forwards  x_{j+1} = F x_j + b_{j+1} + S ghat_{j+1}. */
+static void sweep(const struct dse_linear_mhe *mhe, const struct right_hand_side *rhs, dse_real *x)
+{
+    const int n = mhe->nx, H = mhe->length;
+    dse_real *g = mhe->g, *work = mhe->scratch;
+    for (int j = H - 1; j >= 0; j--) {
+        if (j == H - 1)
+            for (int i = 0; i < n; i++)
+                g[j * n + i] = 0;
+        else
+            dse_mat_tvec(n, n, linear_mhe_stage(mhe, H - 1 - j).F, g + (j + 1) * n, g + j * n);
+        if (rhs->c)
+            dse_axpy(n, 1, at(mhe, rhs->c, rhs->first + j), g + j * n);
+        if (j > 0 && !rhs->b_is_zero)
+            shift(n, linear_mhe_stage(mhe, H - 1 - j).T, at(mhe, rhs->b, rhs->first + j), work,
+                  g + j * n);
+    }
+    solve_start(mhe, rhs, x);
+    for (int j = 1; j < H; j++) {
+        const struct dse_linear_mhe_stage stage = linear_mhe_stage(mhe, H - j);
+        dse_mat_vec(n, n, stage.F, x + (j - 1) * n, x + j * n);
+        dse_mat_tvec(n, n, stage.S, g + j * n, work); /* symmetric */
+        dse_axpy(n, 1, work, x + j * n);
+        dse_axpy(n, 1, at(mhe, rhs->b, rhs->first + j), x + j * n);
+    }
+}
+
+/* One correction of x_next by its residual; keeps the better of the two. */
+static void refine(struct dse_linear_mhe *mhe, dse_real *certificate)
+{
+    const int count = mhe->length * mhe->nx;
+    dse_real *correction = mhe->lambda; /* read only by the residual itself */
+    for (int i = 0; i < count; i++)
+        mhe->residual[i] = -mhe->residual[i];
+    const struct right_hand_side rhs = {.start = mhe->residual, .b = mhe->residual};
+    sweep(mhe, &rhs, correction);
+    dse_axpy(count, 1, correction, mhe->x_next);
+    for (int i = 0; i < count; i++) /* of the correction, before lambda is overwritten */
+        mhe->g[i] = correction[i];
+    const dse_real better = dse_linear_mhe_certify(mhe, mhe->x_next);
+    mhe->counts.refinements++;
+    if (better < *certificate)
+        *certificate = better;
+    else
+        dse_axpy(count, -1, mhe->g, mhe->x_next);
+}
+
+/* x_next: the states that satisfy the optimality system, and how well they do. */
+static void solve_window(struct dse_linear_mhe *mhe, dse_real *certificate)
+{
+    const bool none = mhe->config->arrival == DSE_ARRIVAL_NONE;
+    const struct right_hand_side rhs = {.first = linear_mhe_place(mhe, 0),
+                                        .start = none ? NULL : mhe->xbar,
+                                        .b = mhe->b,
+                                        .c = mhe->c,
+                                        .b_is_zero = mhe->nu == 0};
+    sweep(mhe, &rhs, mhe->x_next);
+    *certificate = dse_linear_mhe_certify(mhe, mhe->x_next);
+    for (int r = 0; r<REFINEMENTS_MAX && * certificate> REFINE_ABOVE; r++) {
+        const dse_real before = *certificate;
+        refine(mhe, certificate);
+        if (!(*certificate < before / 2))
+            break;
+    }
+}
+
+/* The states that follow from x0. */
+static void predict_window(struct dse_linear_mhe *mhe)
+{
+    const int n = mhe->nx;
+    for (int i = 0; i < n; i++)
+        mhe->x_next[i] = mhe->xbar[i];
+    for (int j = 1; j < mhe->length; j++)
+        linear_mhe_move(mhe, mhe->x_next + (j - 1) * n, mhe->b + linear_mhe_place(mhe, j) * n,
+                        mhe->x_next + j * n);
+}
+
+static enum dse_status fail(struct dse_linear_mhe *mhe, enum dse_status status)
+{
+    mhe->health = status == DSE_ESINGULAR ? DSE_HEALTH_UNOBSERVABLE : DSE_HEALTH_DIVERGED;
+    mhe->counts.failed++;
+    return status;
+}
+
+static enum dse_health judge(const struct dse_linear_mhe *mhe)
+{
+    if (!mhe->solved_by_window || mhe->counts.used == 0)
+        return DSE_HEALTH_INITIALISING;
+    return linear_mhe_has_data(mhe, (int)(mhe->newest % mhe->N)) ? DSE_HEALTH_TRACKING
+                                                                 : DSE_HEALTH_COASTING;
+}
+
+static void commit(struct dse_linear_mhe *mhe, bool by_window, dse_real certificate)
+{
+    dse_real *x = mhe->x;
+    mhe->x = mhe->x_next;
+    mhe->x_next = x;
+    mhe->solved_newest = mhe->newest;
+    mhe->solved_length = mhe->length;
+    mhe->solved_by_window = by_window;
+    mhe->factors_hold = by_window;
+    mhe->certificate = certificate;
+    mhe->health = judge(mhe);
+    mhe->counts.solved++;
+}
+
+enum dse_status dse_linear_mhe_solve(struct dse_linear_mhe *mhe)
+{
+    const struct dse_linear_mhe_config *config = mhe->config;
+    const bool by_window = config->arrival != DSE_ARRIVAL_NONE || mhe->length >= mhe->min_horizon;
+    const dse_real tolerance =
+        config->tolerance > 0 ? config->tolerance : dse_sqrt(DSE_REAL_EPSILON);
+    dse_real certificate = 0;
+    mhe->factors_hold = false;
+    if (by_window) {
+        const enum dse_status status = linear_mhe_factor_window(mhe);
+        if (status != DSE_OK)
+            return fail(mhe, status);
+        solve_window(mhe, &certificate);
+    } else {
+        predict_window(mhe);
+    }
+    if (!dse_all_finite(mhe->x_next, mhe->length * mhe->nx) || !dse_is_finite(certificate))
+        return fail(mhe, DSE_ENONFINITE);
+    if (certificate > tolerance)
+        return fail(mhe, DSE_ENOCONV);
+    commit(mhe, by_window, certificate);
+    return DSE_OK;
+}
+
+/* Given all data, x_{j+1} = F x_j + .. + N(0, S) is a Markov chain that starts with the covariance
+ * of x_0:  P_{j+1} = F P_j F' + S. */
+enum dse_status dse_linear_mhe_covariance(struct dse_linear_mhe *mhe, dse_real *P)
+{
+    const int n = mhe->nx, H = mhe->solved_length;
+    if (!mhe->factors_hold)
+        return DSE_ENODATA;
+    if (mhe->config->arrival == DSE_ARRIVAL_NONE) {
+        dse_real *column = mhe->scratch;
+        for (int j = 0; j < n; j++) {
+            for (int i = 0; i < n; i++)
+                column[i] = i == j;
+            solve_start_alone(n, linear_mhe_stage(mhe, H - 1).T, column);
+            for (int i = 0; i < n; i++)
+                P[i * n + j] = column[i];
+        }
+        dse_sym_enforce(n, P);
+    } else {
+        dse_mat_mul_tn(n, mhe->start_rank, n, mhe->start, mhe->start, P);
+    }
+    for (int d = H - 1; d > 0; d--) {
+        const struct dse_linear_mhe_stage stage = linear_mhe_stage(mhe, d);
+        dse_sym_congruence(n, n, stage.F, P, stage.S, P, mhe->scratch);
+    }
+    return DSE_OK;
+}
