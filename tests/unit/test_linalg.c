@@ -9,6 +9,7 @@
 
 #include "dse/linalg.h"
 #include "dse/math.h"
+#include "random_matrix.h"
 
 #define N_MAX 30
 #define AREA  (N_MAX * N_MAX)
@@ -16,21 +17,6 @@
 
 static const int sizes[] = {1, 2, 3, 4, 5, 7, 8, 9, 12, 15, 16, 17, 23, 29, 30};
 #define N_SIZES ((int)(sizeof sizes / sizeof sizes[0]))
-
-static uint64_t seed;
-
-/* Uniform on (-1, 1): a linear congruential generator is random enough for residuals. */
-static dse_real uniform(void)
-{
-    seed = seed * 6364136223846793005u + 1442695040888963407u;
-    return (dse_real)((double)(seed >> 11) / 4503599627370496.0 - 1.0);
-}
-
-static void fill(int n, dse_real *x)
-{
-    for (int i = 0; i < n; i++)
-        x[i] = uniform();
-}
 
 /* Largest absolute difference of two arrays. */
 static dse_real distance(int n, const dse_real *a, const dse_real *b)

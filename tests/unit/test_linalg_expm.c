@@ -10,29 +10,12 @@
 
 #include "dse/linalg.h"
 #include "dse/math.h"
+#include "near.h"
+#include "random_matrix.h"
 
 #define N_MAX 15
 #define AREA  (N_MAX * N_MAX)
 #define EPS   DSE_REAL_EPSILON
-
-static uint64_t seed;
-
-static dse_real uniform(void)
-{
-    seed = seed * 6364136223846793005u + 1442695040888963407u;
-    return (dse_real)((double)(seed >> 11) / 4503599627370496.0 - 1.0);
-}
-
-static void assert_near(int n, const dse_real *a, const dse_real *b, dse_real bound)
-{
-    for (int i = 0; i < n; i++) {
-        if (!(dse_abs(a[i] - b[i]) <= bound)) {
-            print_error("entry %d: %.17g and %.17g differ by more than %g\n", i, (double)a[i],
-                        (double)b[i], (double)bound);
-            fail();
-        }
-    }
-}
 
 static void expm_of_a_rotation_is_cosine_and_sine(void **state)
 {
@@ -44,7 +27,7 @@ static void expm_of_a_rotation_is_cosine_and_sine(void **state)
         const dse_real cosine = (dse_real)cos((double)w), sine = (dse_real)sin((double)w);
         const dse_real expected[4] = {cosine, sine, -sine, cosine};
         assert_int_equal(dse_expm(2, A, E, scratch), DSE_OK);
-        assert_near(4, E, expected, 16 * EPS * (1 + dse_abs(w)));
+        assert_all_near(4, E, expected, 16 * EPS * (1 + dse_abs(w)));
     }
 }
 
@@ -63,7 +46,7 @@ static void expm_of_a_nilpotent_shift_is_its_finite_series(void **state)
         }
     }
     assert_int_equal(dse_expm(n, A, E, scratch), DSE_OK);
-    assert_near(n * n, E, expected, 32 * EPS);
+    assert_all_near(n * n, E, expected, 32 * EPS);
 }
 
 static void expm_of_the_negative_is_the_inverse(void **state)
@@ -81,7 +64,7 @@ static void expm_of_the_negative_is_the_inverse(void **state)
         dse_mat_mul(n, n, n, E, inverse, product);
         dse_mat_identity(n, identity);
         const dse_real size = dse_norm_max(n * n, E) * dse_norm_max(n * n, inverse);
-        assert_near(n * n, product, identity, 64 * (dse_real)n * EPS * size);
+        assert_all_near(n * n, product, identity, 64 * (dse_real)n * EPS * size);
     }
 }
 
@@ -98,7 +81,7 @@ static void expm_of_the_double_is_the_square(void **state)
         assert_int_equal(dse_expm(n, A, twice, scratch), DSE_OK);
         dse_mat_mul(n, n, n, E, E, square);
         const dse_real size = dse_norm_max(n * n, E);
-        assert_near(n * n, twice, square, 64 * (dse_real)(n * n) * EPS * size * size);
+        assert_all_near(n * n, twice, square, 64 * (dse_real)(n * n) * EPS * size * size);
     }
 }
 
@@ -122,10 +105,10 @@ static void discretisation_of_a_double_integrator_is_exact(void **state)
     const dse_real Ad_expected[4] = {1, h, 0, 1}, Bd_expected[2] = {h * h / 2, h};
     dse_real Ad[4], Bd[2], scratch[DSE_DISCRETISE_SCRATCH(2, 1)];
     assert_int_equal(dse_discretise(2, 1, A, B, h, Ad, Bd, scratch), DSE_OK);
-    assert_near(4, Ad, Ad_expected, 4 * EPS);
-    assert_near(2, Bd, Bd_expected, 4 * EPS);
+    assert_all_near(4, Ad, Ad_expected, 4 * EPS);
+    assert_all_near(2, Bd, Bd_expected, 4 * EPS);
     assert_int_equal(dse_discretise(2, 0, A, NULL, h, Ad, NULL, scratch), DSE_OK);
-    assert_near(4, Ad, Ad_expected, 4 * EPS);
+    assert_all_near(4, Ad, Ad_expected, 4 * EPS);
 }
 
 static void van_loan_of_a_double_integrator_is_exact(void **state)
@@ -139,8 +122,8 @@ static void van_loan_of_a_double_integrator_is_exact(void **state)
         const dse_real Ad_expected[4] = {1, h, 0, 1};
         const dse_real Qd_expected[4] = {2 * h * h * h / 3, h * h, h * h, 2 * h};
         assert_int_equal(dse_van_loan(2, A, Q, h, Ad, Qd, scratch), DSE_OK);
-        assert_near(4, Ad, Ad_expected, 8 * EPS * (1 + h));
-        assert_near(4, Qd, Qd_expected, 32 * EPS * (1 + Qd_expected[0]));
+        assert_all_near(4, Ad, Ad_expected, 8 * EPS * (1 + h));
+        assert_all_near(4, Qd, Qd_expected, 32 * EPS * (1 + Qd_expected[0]));
     }
 }
 
@@ -156,9 +139,9 @@ static void van_loan_stands_a_stiff_plant_over_a_long_step(void **state)
     assert_int_equal(dse_van_loan(2, A, Q, 10, Ad, Qd, scratch), DSE_OK);
     /* 14 doublings, each of which doubles a relative rounding error. */
     const dse_real bound = 16384 * EPS;
-    assert_near(4, Ad, Ad_expected, bound * decay);
-    assert_near(1, Qd, Qd_expected, bound * Qd_expected[0]);
-    assert_near(4, Qd, Qd_expected, bound);
+    assert_all_near(4, Ad, Ad_expected, bound * decay);
+    assert_all_near(1, Qd, Qd_expected, bound * Qd_expected[0]);
+    assert_all_near(4, Qd, Qd_expected, bound);
 }
 
 /* d/dh Qd = A Qd + Qd A' + Q: the integral over 2h from two halves must satisfy
@@ -179,9 +162,9 @@ static void van_loan_composes_over_two_halves(void **state)
         assert_int_equal(dse_van_loan(n, A, Q, 2 * h, Ad2, Qd2, scratch), DSE_OK);
         dse_sym_congruence(n, n, Ad, Qd, Qd, composed, scratch);
         const dse_real bound = 100 * (dse_real)n * EPS * (1 + dse_norm_max(n * n, Qd2));
-        assert_near(n * n, Qd2, composed, bound);
+        assert_all_near(n * n, Qd2, composed, bound);
         dse_mat_mul(n, n, n, Ad, Ad, composed);
-        assert_near(n * n, Ad2, composed, bound);
+        assert_all_near(n * n, Ad2, composed, bound);
         for (int i = 0; i < n; i++)
             for (int j = 0; j < i; j++)
                 assert_true(Qd2[i * n + j] == Qd2[j * n + i]);

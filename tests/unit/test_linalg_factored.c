@@ -9,6 +9,8 @@
 #include "dse/factored.h"
 #include "dse/linalg.h"
 #include "dse/math.h"
+#include "near.h"
+#include "random_matrix.h"
 
 #define N_MAX 30
 #define AREA  (DSE_FACTORED_STRIDE(N_MAX) * DSE_FACTORED_STRIDE(N_MAX))
@@ -29,37 +31,12 @@ static void clear_factors(void)
         T[i] = Tp[i] = 0;
 }
 
-static uint64_t seed;
-
-static dse_real uniform(void)
-{
-    seed = seed * 6364136223846793005u + 1442695040888963407u;
-    return (dse_real)((double)(seed >> 11) / 4503599627370496.0 - 1.0);
-}
-
-static void fill(int n, dse_real *x)
-{
-    for (int i = 0; i < n; i++)
-        x[i] = uniform();
-}
-
 /* P = G G' with G n x rank: semidefinite when rank < n. */
 static void fill_psd(int n, int rank, dse_real *P)
 {
     static dse_real G[AREA];
     fill(n * rank, G);
     dse_mat_mul_nt(n, rank, n, G, G, P);
-}
-
-static void assert_near(int n, const dse_real *a, const dse_real *b, dse_real bound)
-{
-    for (int i = 0; i < n; i++) {
-        if (!(dse_abs(a[i] - b[i]) <= bound)) {
-            print_error("entry %d: %.17g and %.17g differ by more than %g\n", i, (double)a[i],
-                        (double)b[i], (double)bound);
-            fail();
-        }
-    }
 }
 
 /* h' P h. */
@@ -99,7 +76,7 @@ static void semidefinite_rows_reproduce_badly_scaled_matrices(void **state)
                 for (int k = 0; k < n; k++)
                     sum[i] += weights[k] * Y[k * n + i / n] * Y[k * n + i % n];
                 const dse_real size = scale[i / n] * scale[i % n];
-                assert_near(1, sum + i, P + i, 300 * (dse_real)n * EPS * size);
+                assert_all_near(1, sum + i, P + i, 300 * (dse_real)n * EPS * size);
             }
         }
     }
@@ -117,10 +94,10 @@ static void factors_reproduce_definite_and_semidefinite_matrices(void **state)
             assert_int_equal(dse_factored_from(n, P, T, d, scratch), DSE_OK);
             assert_weights_not_negative(n, d);
             dse_factored_expand(n, T, d, expanded);
-            assert_near(n * n, expanded, P, 300 * (dse_real)(n * n) * EPS);
+            assert_all_near(n * n, expanded, P, 300 * (dse_real)(n * n) * EPS);
             dse_factored_diagonal(n, T, d, diagonal);
             for (int i = 0; i < n; i++)
-                assert_near(1, diagonal + i, expanded + i * n + i, 8 * (dse_real)(n * n) * EPS);
+                assert_all_near(1, diagonal + i, expanded + i * n + i, 8 * (dse_real)(n * n) * EPS);
         }
     }
 }
@@ -180,11 +157,11 @@ static void prediction_equals_the_dense_formula_for_any_rank(void **state)
             assert_true(dse_factored_is_finite(n, Tp, dp));
             dse_factored_expand(n, Tp, dp, result);
             const dse_real scale = 1 + dse_norm_max(n * n, expected);
-            assert_near(n * n, result, expected, 300 * (dse_real)(n * n) * EPS * scale);
+            assert_all_near(n * n, result, expected, 300 * (dse_real)(n * n) * EPS * scale);
             assert_int_equal(
                 dse_factored_predict(n, T, d, noise ? Q : NULL, DSE_REAL(0.3), F, T, d, scratch),
                 DSE_OK); /* in place */
-            assert_near(n, d, dp, 0);
+            assert_all_near(n, d, dp, 0);
         }
     }
 }
@@ -201,7 +178,7 @@ static void prediction_keeps_a_difference_that_a_dense_sum_would_lose(void **sta
                          DSE_OK);
     }
     const dse_real variance = form(2, Tc, dc, difference);
-    assert_near(1, &variance, &(dse_real){TINY}, 1000 * EPS * TINY);
+    assert_all_near(1, &variance, &(dse_real){TINY}, 1000 * EPS * TINY);
 }
 
 static void prediction_reports_non_finite_results_and_an_indefinite_noise(void **state)
@@ -266,8 +243,8 @@ static void updates_equal_the_dense_formula(void **state)
                 const dse_real *h = H + c * n;
                 const dse_real prior = dse_factored_form(n, m, d, G, c);
                 dse_mat_vec(n, n, P, h, Ph);
-                assert_near(1, &prior, &(dse_real){dse_dot(n, h, Ph)},
-                            300 * (dse_real)(n * n) * EPS);
+                assert_all_near(1, &prior, &(dse_real){dse_dot(n, h, Ph)},
+                                300 * (dse_real)(n * n) * EPS);
                 dse_mat_vec(n, n, dense, h, Ph);
                 const dse_real s = dse_dot(n, h, Ph) + r[c], left = e[c] - dse_dot(n, h, x);
                 dse_axpy(n, left / s, Ph, x);
@@ -284,14 +261,14 @@ static void updates_equal_the_dense_formula(void **state)
                 G_copy[i] = G[i];
             const dse_real bound = 1000 * (dse_real)(n * n) * EPS;
             const dse_real value = dse_factored_update(n, m, T, d, G, r, e, Tn, dn, dx, scratch);
-            assert_near(1, &value, &nis, bound * (1 + nis));
-            assert_near(n, dx, x, bound);
+            assert_all_near(1, &value, &nis, bound * (1 + nis));
+            assert_all_near(n, dx, x, bound);
             assert_weights_not_negative(n, dn);
             dse_factored_expand(n, Tn, dn, result);
-            assert_near(n * n, result, dense, bound);
+            assert_all_near(n * n, result, dense, bound);
             (void)dse_factored_update(n, m, T, d, G_copy, r, e_copy, T, d, dx, scratch);
-            assert_near(DSE_FACTORED_SIZE(n), T, Tn, 0);
-            assert_near(n, d, dn, 0);
+            assert_all_near(DSE_FACTORED_SIZE(n), T, Tn, 0);
+            assert_all_near(n, d, dn, 0);
         }
     }
 }
@@ -320,7 +297,7 @@ static void updates_keep_tiny_variances_below_huge_ones(void **state)
             const dse_real variance = form(n, T, d, H + c * n);
             assert_true(variance > 0);
             if (sizeof(dse_real) == sizeof(double)) /* = r up to cancellation in T h */
-                assert_near(1, &variance, &r, DSE_REAL(1e-3) * TINY);
+                assert_all_near(1, &variance, &r, DSE_REAL(1e-3) * TINY);
         }
     }
 }
