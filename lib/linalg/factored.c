@@ -185,6 +185,8 @@ static bool eliminate_rows(int s, int k, int rows, const dse_real *variance, dse
         dp[i] = u[k + i];
         if (!(dp[i] > PIVOT_FRACTION * variance[i]) || !dse_is_finite(dp[i]))
             return false;
+        if (dp[i] < DSE_REAL_MIN) /* its inverse would overflow */
+            return false;
         const dse_real inverse = 1 / dp[i];
         for (int l = i + 1; l < rows; l++) {
             const dse_real factor = -(u[k + l] * inverse);

@@ -11,6 +11,8 @@
 #include "dense_filter.h"
 #include "dse/kalman.h"
 #include "dse/math.h"
+#include "near.h"
+#include "random_matrix.h"
 
 #define NX_MAX 12
 #define NY_MAX 6
@@ -20,50 +22,14 @@
 
 static dse_real memory[DSE_KALMAN_STORAGE_CONTINUOUS(NX_MAX, 1, NY_MAX)];
 
-static uint64_t seed;
-
-static dse_real uniform(void)
-{
-    seed = seed * 6364136223846793005u + 1442695040888963407u;
-    return (dse_real)((double)(seed >> 11) / 4503599627370496.0 - 1.0);
-}
-
-static dse_real normal(void)
-{
-    const double a = 0.5 + 0.4999999 * (double)uniform(), b = 3.14159265358979 * (double)uniform();
-    return (dse_real)(sqrt(-2 * log(a)) * cos(b));
-}
-
-/* Uniform on (-1, 1) / sqrt n: products of n x n matrices stay of order 1. */
-static void fill(int n, int count, dse_real *M)
-{
-    for (int i = 0; i < count; i++)
-        M[i] = uniform() / (dse_real)sqrt((double)n);
-}
-
 /* M = G G' / 4 + floor I. */
 static void fill_spd(int n, dse_real floor, dse_real *M)
 {
     dse_real G[NX_MAX * NX_MAX];
-    fill(n, n * n, G);
+    fill_scaled(n, n * n, G);
     dense_product(n, n, n, G, G, 1, M);
     for (int i = 0; i < n; i++)
         M[i * n + i] += floor;
-}
-
-/* Deviation relative to the size of what is compared. */
-static void assert_agree(int n, const dse_real *a, const dse_real *b, dse_real tolerance)
-{
-    dse_real size = 0;
-    for (int i = 0; i < n; i++)
-        size = dse_max(size, dse_abs(b[i]));
-    for (int i = 0; i < n; i++) {
-        if (!(dse_abs(a[i] - b[i]) <= tolerance * size)) {
-            print_error("entry %d: %.17g and %.17g differ by more than %g\n", i, (double)a[i],
-                        (double)b[i], (double)(tolerance * size));
-            fail();
-        }
-    }
 }
 
 struct system {
@@ -76,16 +42,16 @@ static void random_system(struct system *s, int nx, int ny, bool correlated)
 {
     s->nx = nx;
     s->ny = ny;
-    fill(nx, nx * nx, s->A);
-    fill(1, nx, s->B);
-    fill(nx, ny * nx, s->C);
-    fill(1, ny, s->D);
+    fill_scaled(nx, nx * nx, s->A);
+    fill_scaled(1, nx, s->B);
+    fill_scaled(nx, ny * nx, s->C);
+    fill_scaled(1, ny, s->D);
     fill_spd(nx, DSE_REAL(0.01), s->Q);
     fill_spd(ny, DSE_REAL(0.1), s->R);
     for (int i = 0; i < ny * ny && !correlated; i++)
         s->R[i] = i % (ny + 1) == 0 ? s->R[i] : 0;
     fill_spd(nx, 1, s->P0);
-    fill(1, nx, s->x0);
+    fill_scaled(1, nx, s->x0);
 }
 
 static struct dse_kalman_config config_of(const struct system *s)
@@ -339,6 +305,31 @@ static void singular_noise_and_known_states_are_allowed(void **state)
     }
 }
 
+/* Without process noise the variance of a decaying state goes to zero through the smallest numbers
+ * that there are; the filter goes on. */
+static void a_state_without_noise_becomes_known_exactly(void **state)
+{
+    (void)state;
+    const dse_real A[9] = {DSE_REAL(0.3), 1, 0, 0, DSE_REAL(0.4), 1, 0, 0, DSE_REAL(0.5)};
+    const dse_real C[3] = {1, 0, 0}, R[1] = {1}, P0[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    for (int nx = 1; nx <= 3; nx += 2) {
+        const struct dse_kalman_config config = {
+            .nx = nx, .ny = 1, .linear = {A, NULL, C, NULL}, .P0 = P0, .R = R};
+        struct dse_kalman kalman;
+        assert_int_equal(start(&kalman, &config), DSE_OK);
+        dse_real variance[3];
+        for (int k = 1; k <= 1200; k++) {
+            const dse_real y = uniform();
+            const struct dse_measurement measurement = {&y, NULL};
+            assert_int_equal(dse_kalman_predict(&kalman, (dse_real)k, NULL), DSE_OK);
+            assert_int_equal(dse_kalman_update(&kalman, (dse_real)k, NULL, &measurement), DSE_OK);
+        }
+        dse_ekf_variance(dse_kalman_ekf(&kalman), variance);
+        for (int i = 0; i < nx; i++)
+            assert_true(variance[i] >= 0 && variance[i] < DSE_REAL_MIN);
+    }
+}
+
 static void a_sampled_continuous_system_is_its_exact_discretisation(void **state)
 {
     (void)state;
@@ -442,6 +433,7 @@ int main(void)
         cmocka_unit_test(normalised_errors_and_innovations_are_consistent),
         cmocka_unit_test(covariance_stays_definite_with_tiny_noise_and_huge_prior),
         cmocka_unit_test(singular_noise_and_known_states_are_allowed),
+        cmocka_unit_test(a_state_without_noise_becomes_known_exactly),
         cmocka_unit_test(a_sampled_continuous_system_is_its_exact_discretisation),
         cmocka_unit_test(impossible_configurations_are_refused_with_their_own_code),
         cmocka_unit_test(storage_constant_is_what_init_takes),
