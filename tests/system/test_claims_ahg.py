@@ -121,7 +121,7 @@ CLAIMS = [
     Claim("ahg-43", NOISY, "theta is above 39 within 15 s under noise", rises_within_15_s),
     Claim("ahg-44", NOISY, "a 36 s hold is worse in the late concentrations than continuous",
           lambda run: run.late("hold36", *C) > run.late("continuous", *C)),
-    Claim("ahg-44", NOISY, "a hold still tracks: late temperatures below a fifth of the first error",
+    Claim("ahg-44", NOISY, "a hold still tracks: late temperatures below a fifth of before",
           lambda run: run.late("hold36", *T) < 0.2 * np.array([36, 32])),
     Claim("ahg-44", NOISY, "the loss is above all in the concentrations",
           lambda run: (run.late("hold36", *C) / run.late("continuous", *C)).min()

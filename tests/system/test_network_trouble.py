@@ -37,7 +37,7 @@ from dse.log import read
 
 SAMPLES = 200
 LENGTH = ("--set", f"time.duration_s={SAMPLES}", "--set", "timeouts.give_up_s=100")
-QUICK = ("--set", "timeouts.repeat_s=0.01")
+QUICK = ("--set", "timeouts.repeat_s=0.004")
 """What is lost is asked for soon, so that the test is short."""
 Hashes = dict[tuple[int, int], tuple[int, int]]
 
