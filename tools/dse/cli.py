@@ -6,12 +6,12 @@ import sys
 from collections.abc import Sequence
 
 from dse import __version__
-from dse.commands import compare, design, export, info, plot, report
+from dse.commands import compare, design, export, info, plot, report, sweep
 from dse.errors import UserError
 
 # To add a sub-command: one module with NAME, HELP, configure(parser) and run(arguments), and its
 # name here.
-COMMANDS = (info, report, plot, export, compare, design)
+COMMANDS = (info, report, plot, export, compare, sweep, design)
 
 
 def main() -> int:
