@@ -59,6 +59,7 @@ static void take_memory(struct dse_linear_mhe *mhe, struct dse_arena *arena)
     mhe->start = dse_arena_take(arena, nx * nx);
     mhe->L = dse_arena_take(arena, ny * ny);
     mhe->E = dse_arena_take(arena, ny * nx);
+    mhe->spread = dse_arena_take(arena, nx * nx);
     mhe->xbar = dse_arena_take(arena, nx);
     mhe->xbar_next = dse_arena_take(arena, nx);
     mhe->prior_d = dse_arena_take(arena, nx);
@@ -149,6 +150,7 @@ enum dse_status dse_linear_mhe_init(struct dse_linear_mhe *mhe,
         status = prepare_arrival(mhe);
     if (status == DSE_OK)
         status = linear_mhe_factor_complete(mhe);
+    linear_mhe_find_spread(mhe);
     mhe->health = DSE_HEALTH_INITIALISING;
     return status;
 }

@@ -9,13 +9,12 @@
 
 /* The largest absolute values over the window, and what follows from them. */
 struct sizes {
-    dse_real *x;      /* nx */
-    dse_real *b;      /* nx */
-    dse_real *lambda; /* nx */
-    dse_real *white;  /* ny */
-    dse_real *dual;   /* nx: of the terms of lambda */
-    dse_real *work;   /* nx */
-    dse_real *error;  /* ny */
+    dse_real *x;     /* nx */
+    dse_real *b;     /* nx */
+    dse_real *white; /* ny */
+    dse_real *dual;  /* nx: of the terms of lambda */
+    dse_real *work;  /* nx */
+    dse_real *error; /* ny */
 };
 
 static struct sizes sizes_in(const struct dse_linear_mhe *mhe)
@@ -23,8 +22,7 @@ static struct sizes sizes_in(const struct dse_linear_mhe *mhe)
     struct sizes s;
     s.x = mhe->scratch;
     s.b = s.x + mhe->nx;
-    s.lambda = s.b + mhe->nx;
-    s.dual = s.lambda + mhe->nx;
+    s.dual = s.b + mhe->nx;
     s.work = s.dual + mhe->nx;
     s.white = s.work + mhe->nx;
     s.error = s.white + mhe->ny;
@@ -54,7 +52,6 @@ static void find_multipliers(struct dse_linear_mhe *mhe, const dse_real *x, cons
         }
         enlarge(ny, white, s->white);
         enlarge(nx, x + j * nx, s->x);
-        enlarge(nx, lambda, s->lambda);
     }
 }
 
@@ -95,25 +92,48 @@ static void find_residuals(struct dse_linear_mhe *mhe, const dse_real *x, const 
     }
 }
 
-/* sum_p |M_ip| v_p, or |M_pi| when transposed. */
-static dse_real row_size(int n, const dse_real *M, int i, bool transposed, const dse_real *v)
+/* sum_p |m_p| v_p. */
+static dse_real row_size(int n, const dse_real *m, const dse_real *v)
 {
     dse_real sum = 0;
     for (int p = 0; p < n; p++)
-        sum += dse_abs(M[transposed ? p * n + i : i * n + p]) * v[p];
+        sum += dse_abs(m[p]) * v[p];
     return sum;
 }
 
-/* dual = |E|' (|white| + |E| |x|) + |A|' |lambda|. */
+/* What lambda consists of, and what its recursion makes of it over the horizon:
+ *     dual = (I + |A|' + .. + (|A|')^{N-1}) |E|' (|white| + |E| |x|). */
 static void find_dual_size(const struct dse_linear_mhe *mhe, const struct sizes *s)
 {
     const int nx = mhe->nx, ny = mhe->ny;
     for (int i = 0; i < nx; i++)
-        s->dual[i] = row_size(nx, mhe->config->linear.A, i, true, s->lambda);
+        s->work[i] = 0;
     for (int c = 0; c < ny; c++) {
-        const dse_real size = s->white[c] + row_size(nx, mhe->E + c * nx, 0, false, s->x);
+        const dse_real *e = mhe->E + c * nx;
+        const dse_real size = s->white[c] + row_size(nx, e, s->x);
         for (int i = 0; i < nx; i++)
-            s->dual[i] += dse_abs(mhe->E[c * nx + i]) * size;
+            s->work[i] += dse_abs(e[i]) * size;
+    }
+    dse_mat_vec(nx, nx, mhe->spread, s->work, s->dual);
+}
+
+/* spread = I + |A|' + .. + (|A|')^{N-1}, by Horner's rule. */
+void linear_mhe_find_spread(struct dse_linear_mhe *mhe)
+{
+    const int nx = mhe->nx;
+    const dse_real *A = mhe->config->linear.A;
+    dse_real *next = mhe->scratch;
+    dse_mat_identity(nx, mhe->spread);
+    for (int k = 1; k < mhe->N; k++) {
+        for (int i = 0; i < nx; i++) {
+            for (int j = 0; j < nx; j++) {
+                next[i * nx + j] = i == j;
+                for (int p = 0; p < nx; p++)
+                    next[i * nx + j] += dse_abs(A[p * nx + i]) * mhe->spread[p * nx + j];
+            }
+        }
+        for (int i = 0; i < nx * nx; i++)
+            mhe->spread[i] = next[i];
     }
 }
 
@@ -133,7 +153,7 @@ static dse_real start_ratio(const struct dse_linear_mhe *mhe, const dse_real *x,
         s->work[i] = none ? s->dual[i] : dse_abs(x[i]) + dse_abs(mhe->xbar[i]);
     for (int p = 0; p < mhe->prior_rank; p++) { /* rank 0 when NONE */
         const dse_real *v = mhe->prior_V + p * nx;
-        const dse_real along = row_size(nx, v, 0, false, s->dual);
+        const dse_real along = row_size(nx, v, s->dual);
         for (int i = 0; i < nx; i++)
             s->work[i] += dse_abs(v[i]) * along;
     }
@@ -154,8 +174,8 @@ static dse_real transition_ratio(const struct dse_linear_mhe *mhe, const struct 
         enlarge(nx, mhe->residual + j * nx, s->work);
     dse_real worst = 0;
     for (int i = 0; i < nx; i++) {
-        const dse_real noise = Q ? row_size(nx, Q, i, false, s->dual) : 0;
-        const dse_real size = s->x[i] + row_size(nx, A, i, false, s->x) + s->b[i] + noise;
+        const dse_real noise = Q ? row_size(nx, Q + i * nx, s->dual) : 0;
+        const dse_real size = s->x[i] + row_size(nx, A + i * nx, s->x) + s->b[i] + noise;
         worst = dse_max(worst, ratio(s->work[i], size));
     }
     return worst;
@@ -164,7 +184,7 @@ static dse_real transition_ratio(const struct dse_linear_mhe *mhe, const struct 
 dse_real dse_linear_mhe_certify(struct dse_linear_mhe *mhe, const dse_real *x)
 {
     const struct sizes s = sizes_in(mhe);
-    for (int i = 0; i < 6 * mhe->nx + 2 * mhe->ny; i++)
+    for (int i = 0; i < 4 * mhe->nx + 2 * mhe->ny; i++)
         s.x[i] = 0;
     find_multipliers(mhe, x, &s);
     find_residuals(mhe, x, &s);

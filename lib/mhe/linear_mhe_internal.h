@@ -43,6 +43,9 @@ enum dse_status linear_mhe_arrive(struct dse_linear_mhe *mhe, const dse_real *b)
 /* ---- solution (linear_mhe_solve.c); dse_linear_mhe_certify leaves its multipliers in mhe->lambda
  * and its residuals in mhe->residual (linear_mhe_certificate.c) ---- */
 
+/* mhe->spread, at init. */
+void linear_mhe_find_spread(struct dse_linear_mhe *mhe);
+
 /* next = A x + b. */
 void linear_mhe_move(const struct dse_linear_mhe *mhe, const dse_real *x, const dse_real *b,
                      dse_real *next);

@@ -104,6 +104,8 @@ struct dse_linear_mhe {
     dse_real *V; /* rank x nx: Q = V' V */
     dse_real *L; /* ny x ny: R = L L' */
     dse_real *E; /* ny x nx: L^-1 C */
+    /* nx x nx: I + |A|' + .. + (|A|')^{N-1}: how rounding spreads through the multipliers */
+    dse_real *spread;
 
     /* Arrival cost: the prior of the oldest sample of the window. */
     dse_real *xbar;
@@ -156,14 +158,14 @@ struct dse_linear_mhe {
      DSE_LINEAR_MHE_LARGER((nx)*DSE_FACTORED_STRIDE(ny),                                           \
                            DSE_LINEAR_MHE_LARGER(DSE_FACTORED_UPDATE_SCRATCH(nx, ny),              \
                                                  DSE_FACTORED_PREDICT_SCRATCH(nx))))
-#define DSE_LINEAR_MHE_SCRATCH_REST(nx, ny) ((ny) * (ny) + 2 * (ny) + 6 * (nx))
+#define DSE_LINEAR_MHE_SCRATCH_REST(nx, ny) ((ny) * (ny) + 2 * (ny) + 4 * (nx))
 #define DSE_LINEAR_MHE_SCRATCH(nx, ny)                                                             \
     DSE_LINEAR_MHE_LARGER(DSE_LINEAR_MHE_SCRATCH_FACTOR(nx, ny),                                   \
                           DSE_LINEAR_MHE_LARGER(DSE_LINEAR_MHE_SCRATCH_ARRIVAL(nx, ny),            \
                                                 DSE_LINEAR_MHE_SCRATCH_REST(nx, ny)))
 /* Reals that dse_linear_mhe_init takes. */
 #define DSE_LINEAR_MHE_STORAGE(nx, ny, N)                                                          \
-    (3 * (nx) * (nx) + (ny) * (ny) + (ny) * (nx) + DSE_FACTORED_SIZE(nx) + 3 * (nx) +              \
+    (4 * (nx) * (nx) + (ny) * (ny) + (ny) * (nx) + DSE_FACTORED_SIZE(nx) + 3 * (nx) +              \
      (N) * (3 * (ny) + (ny) * (nx) + 8 * (nx) + 6 * (nx) * (nx)) + DSE_LINEAR_MHE_SCRATCH(nx, ny))
 
 /* The window then holds one sample, number 0, without data. DSE_EINVAL: a value outside its range,
