@@ -16,7 +16,8 @@ static enum dse_status check_config(const struct dse_linear_mhe_config *config)
         return DSE_EINVAL;
     if (config->min_horizon < 0 || config->min_horizon > config->horizon)
         return DSE_EINVAL;
-    if (config->arrival < DSE_ARRIVAL_KALMAN || config->arrival > DSE_ARRIVAL_NONE)
+    if (config->arrival != DSE_ARRIVAL_KALMAN && config->arrival != DSE_ARRIVAL_CONSTANT &&
+        config->arrival != DSE_ARRIVAL_NONE)
         return DSE_EINVAL;
     if (config->arrival != DSE_ARRIVAL_NONE && !config->P0)
         return DSE_EINVAL;
