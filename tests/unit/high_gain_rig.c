@@ -1,6 +1,15 @@
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
 #include <string.h>
 
+#include <cmocka.h>
+
 #include "high_gain_rig.h"
+
+#include "dse/ode.h"
+#include "dse/plant.h"
 
 #define HOUR_PER_SECOND (DSE_REAL(1) / 3600)
 

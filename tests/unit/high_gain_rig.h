@@ -7,10 +7,7 @@
 #include <stdint.h>
 
 #include "dse/high_gain_ekf.h"
-#include "dse/ode.h"
-#include "dse/plant.h"
 #include "high_gain_plant.h"
-#include "near.h"
 
 /* ---- a network in one process ---- */
 

@@ -12,6 +12,7 @@
 #include "dse/high_gain_ekf.h"
 #include "dse/ode.h"
 #include "high_gain_rig.h"
+#include "near.h"
 
 /* ---- the innovation ---- */
 

@@ -10,6 +10,7 @@
 #include "dse/linalg.h"
 #include "dse/math.h"
 #include "high_gain_rig.h"
+#include "near.h"
 
 /* The physical estimate does not jump with the input, although its coordinates do. */
 static void picture_is_encoded_anew_when_the_input_jumps(void **state)

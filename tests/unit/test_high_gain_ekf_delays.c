@@ -10,9 +10,9 @@
 
 #include "dse/high_gain_ekf.h"
 #include "dse/link.h"
-#include "dse/math.h"
 #include "dse/ode.h"
 #include "high_gain_rig.h"
+#include "near.h"
 
 enum { P = 2, N = 4, D = MAX_DELAY, EVERY = MAX_EVERY };
 

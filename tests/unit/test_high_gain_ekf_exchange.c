@@ -13,6 +13,7 @@
 #include "dse/math.h"
 #include "dse/ode.h"
 #include "high_gain_rig.h"
+#include "near.h"
 
 static void order_of_messages_does_not_matter(void **state)
 {

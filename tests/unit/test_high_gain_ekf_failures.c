@@ -12,6 +12,7 @@
 #include "dse/linalg.h"
 #include "dse/math.h"
 #include "high_gain_rig.h"
+#include "near.h"
 
 static void filter_without_measurements_coasts_on_the_model(void **state)
 {

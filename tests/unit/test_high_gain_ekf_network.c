@@ -12,6 +12,7 @@
 #include "dse/math.h"
 #include "dse/plant.h"
 #include "high_gain_rig.h"
+#include "near.h"
 
 enum { P = 2, N = 4, EVERY = MAX_EVERY };
 

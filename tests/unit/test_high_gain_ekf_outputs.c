@@ -4,16 +4,15 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
-#include <string.h>
 
 #include <cmocka.h>
 
 #include "dse/high_gain_ekf.h"
 #include "dse/linalg.h"
-#include "dse/math.h"
 #include "dse/ode.h"
 #include "dse/plant.h"
 #include "high_gain_rig.h"
+#include "near.h"
 
 /* The linear plant without coupling between {2, 1} and {2}. */
 /* clang-format off */

@@ -11,6 +11,7 @@
 #include "dse/high_gain_ekf.h"
 #include "dse/ode.h"
 #include "high_gain_rig.h"
+#include "near.h"
 
 /* A single block with F = [0 1; -700 -54]; Q_th = 40 diag(1,40) diag(5,5) diag(1,40), R_th = 1/40.
  */

@@ -8,7 +8,6 @@
 
 #include "dse/factored.h"
 #include "dse/linalg.h"
-#include "dse/math.h"
 #include "near.h"
 #include "random_matrix.h"
 
