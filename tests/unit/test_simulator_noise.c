@@ -1,0 +1,150 @@
+/* The noise of the plant simulator: its seed, its size, its channels. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "sim/simulator.h"
+#include "simulator_rig.h"
+
+static const enum sim_distribution noisy[] = {SIM_UNIFORM, SIM_GAUSSIAN};
+
+static void run(const struct setting *setting, int samples, double *x /* samples x 3 */,
+                double *y /* samples x 2 */)
+{
+    struct simulator *sim = create(setting);
+    for (int k = 0; k < samples; k++) {
+        memcpy(x + 3 * k, sim_state(sim), 3 * sizeof *x);
+        memcpy(y + 2 * k, sim_output(sim), 2 * sizeof *y);
+        step(sim);
+    }
+    sim_destroy(sim);
+}
+
+#define SAMPLES 60
+
+static void the_same_seed_gives_the_same_bits_and_another_one_does_not(void **state)
+{
+    (void)state;
+    static const double scale[] = {1, 2, 3};
+    double x[3][3 * SAMPLES];
+    double y[3][2 * SAMPLES];
+    for (int i = 0; i < COUNT(noisy); i++) {
+        struct setting setting;
+        set(&setting, &smooth, 0.1);
+        setting.config.process = setting.config.measurement = (struct sim_noise){noisy[i], scale};
+        run(&setting, SAMPLES, x[0], y[0]);
+        run(&setting, SAMPLES, x[1], y[1]);
+        setting.config.seed++;
+        run(&setting, SAMPLES, x[2], y[2]);
+        assert_same_bits(x[0], x[1], 3 * SAMPLES);
+        assert_same_bits(y[0], y[1], 2 * SAMPLES);
+        for (int k = 1; k < SAMPLES; k++) {
+            assert_true(x[0][3 * k] != x[2][3 * k]);
+            assert_true(y[0][2 * k] != y[2][2 * k]);
+        }
+    }
+}
+
+static void switching_one_noise_off_leaves_the_other_as_it_was(void **state)
+{
+    (void)state;
+    static const double scale[] = {1, 2, 3};
+    static const double none[3] = {0};
+    double x[2][3 * SAMPLES];
+    double y[2][2 * SAMPLES];
+    const struct sim_noise on = {SIM_UNIFORM, scale};
+    const struct sim_noise off[] = {{SIM_NONE, NULL}, {SIM_UNIFORM, none}, {SIM_GAUSSIAN, none}};
+    for (int i = 0; i < COUNT(off); i++) {
+        struct setting setting;
+        set(&setting, &smooth, 0.1);
+        setting.config.process = setting.config.measurement = on;
+        run(&setting, SAMPLES, x[0], y[0]);
+        setting.config.measurement = off[i];
+        run(&setting, SAMPLES, x[1], y[1]);
+        assert_same_bits(x[0], x[1], 3 * SAMPLES);
+        for (int k = 0; k < 2 * SAMPLES; k++)
+            assert_true(y[1][k] == 0);
+        setting.config.measurement = on;
+        setting.config.process = off[i];
+        run(&setting, SAMPLES, x[1], y[1]);
+        assert_same_bits(y[0], y[1], 2 * SAMPLES);
+        assert_close(x[1][3 * SAMPLES - 1], 1, 1e-12); /* c' = 0 without noise */
+    }
+}
+
+static void a_channel_does_not_notice_the_size_of_its_neighbour(void **state)
+{
+    (void)state;
+    static const double scales[2][3] = {{1, 2, 3}, {5, 2, 0}};
+    for (int i = 0; i < COUNT(noisy); i++) {
+        struct sim_noise_source source[2];
+        for (int s = 0; s < 2; s++) {
+            const struct sim_noise noise = {noisy[i], scales[s]};
+            sim_noise_init(&source[s], &noise, 3, 11, SIM_NOISE_MEASUREMENT);
+        }
+        for (int k = 0; k < SAMPLES; k++) {
+            double value[2][3];
+            sim_noise_draw(&source[0], value[0]);
+            sim_noise_draw(&source[1], value[1]);
+            assert_same_bits(&value[0][1], &value[1][1], 1);
+            assert_true(value[1][2] == 0);
+        }
+    }
+}
+
+/* Mean, variance and correlations of 20,000 draws within five standard errors; the bound exactly.
+ */
+static void noise_has_the_stated_size_and_its_channels_are_independent(void **state)
+{
+    (void)state;
+    enum { DRAWS = 20000, CHANNELS = 4 };
+    static const double scale[CHANNELS] = {0.5, 2, 1, 10};
+    static const enum sim_noise_kind kinds[CHANNELS] = {
+        SIM_NOISE_PROCESS, SIM_NOISE_PROCESS, SIM_NOISE_MEASUREMENT, SIM_NOISE_MEASUREMENT};
+    for (int i = 0; i < COUNT(noisy); i++) {
+        const struct sim_noise noise[2] = {{noisy[i], scale}, {noisy[i], scale + 2}};
+        struct sim_noise_source source[2];
+        for (int s = 0; s < 2; s++)
+            sim_noise_init(&source[s], &noise[s], 2, 3, kinds[2 * s]);
+        double sum[CHANNELS] = {0};
+        double product[CHANNELS][CHANNELS] = {{0}};
+        double largest = 0;
+        for (int k = 0; k < DRAWS; k++) {
+            double v[CHANNELS];
+            sim_noise_draw(&source[0], v);
+            sim_noise_draw(&source[1], v + 2);
+            for (int a = 0; a < CHANNELS; a++) {
+                v[a] /= scale[a];
+                largest = fmax(largest, fabs(v[a]));
+                sum[a] += v[a];
+                for (int b = 0; b <= a; b++)
+                    product[a][b] += v[a] * v[b];
+            }
+        }
+        double variance = noisy[i] == SIM_UNIFORM ? 1.0 / 3 : 1;
+        double error = 5 / sqrt(DRAWS);
+        assert_true(noisy[i] == SIM_UNIFORM ? largest <= 1 && largest > 0.999 : largest > 3);
+        for (int a = 0; a < CHANNELS; a++) {
+            assert_close(sum[a] / DRAWS, 0, error * sqrt(variance));
+            for (int b = 0; b <= a; b++) /* Var(v^2) <= 2 variance^2 for both distributions */
+                assert_close(product[a][b] / DRAWS, a == b ? variance : 0,
+                             error * sqrt(2) * variance);
+        }
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_same_seed_gives_the_same_bits_and_another_one_does_not),
+        cmocka_unit_test(switching_one_noise_off_leaves_the_other_as_it_was),
+        cmocka_unit_test(a_channel_does_not_notice_the_size_of_its_neighbour),
+        cmocka_unit_test(noise_has_the_stated_size_and_its_channels_are_independent),
+    };
+    return cmocka_run_group_tests_name("simulator_noise", tests, NULL, NULL);
+}
