@@ -61,6 +61,8 @@ static void take_memory(struct dse_linear_mhe *mhe, struct dse_arena *arena)
     mhe->L = dse_arena_take(arena, ny * ny);
     mhe->E = dse_arena_take(arena, ny * nx);
     mhe->spread = dse_arena_take(arena, nx * nx);
+    mhe->A_transposed = dse_arena_take(arena, nx * nx);
+    mhe->E_transposed = dse_arena_take(arena, nx * ny);
     mhe->xbar = dse_arena_take(arena, nx);
     mhe->xbar_next = dse_arena_take(arena, nx);
     mhe->prior_d = dse_arena_take(arena, nx);
@@ -76,6 +78,7 @@ static void take_memory(struct dse_linear_mhe *mhe, struct dse_arena *arena)
     mhe->g = dse_arena_take(arena, N * nx);
     mhe->lambda = dse_arena_take(arena, N * nx);
     mhe->residual = dse_arena_take(arena, N * nx);
+    mhe->errors = dse_arena_take(arena, N * ny);
 }
 
 /* R = L L',  E = L^-1 C,  Q = V' V. */
@@ -91,6 +94,8 @@ static enum dse_status prepare_noise(struct dse_linear_mhe *mhe)
     for (int i = 0; i < ny * nx; i++)
         mhe->E[i] = config->linear.C[i];
     dse_lower_solve(ny, mhe->L, nx, mhe->E);
+    dse_mat_transpose(ny, nx, mhe->E, mhe->E_transposed);
+    dse_mat_transpose(nx, nx, config->linear.A, mhe->A_transposed);
 
     mhe->Q_diagonal = true;
     if (!config->Q)

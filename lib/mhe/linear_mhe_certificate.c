@@ -14,7 +14,6 @@ struct sizes {
     dse_real *white; /* ny */
     dse_real *dual;  /* nx: of the terms of lambda */
     dse_real *work;  /* nx */
-    dse_real *error; /* ny */
 };
 
 static struct sizes sizes_in(const struct dse_linear_mhe *mhe)
@@ -25,61 +24,87 @@ static struct sizes sizes_in(const struct dse_linear_mhe *mhe)
     s.dual = s.b + mhe->nx;
     s.work = s.dual + mhe->nx;
     s.white = s.work + mhe->nx;
-    s.error = s.white + mhe->ny;
     return s;
 }
 
+/* A NaN does not count here: it makes a residual NaN. */
 static void enlarge(int n, const dse_real *v, dse_real *largest)
 {
-    for (int i = 0; i < n; i++)
-        largest[i] = dse_max(largest[i], dse_abs(v[i]));
+    for (int i = 0; i < n; i++) {
+        const dse_real a = dse_abs(v[i]);
+        largest[i] = a > largest[i] ? a : largest[i];
+    }
+}
+
+/* mhe->errors (length x ny) = white_j - E_j x_j, all at once but for incomplete samples; and
+ * mhe->lambda = E_j' of them. */
+static void find_output_errors(struct dse_linear_mhe *mhe, const dse_real *x, const struct sizes *s)
+{
+    const int nx = mhe->nx, ny = mhe->ny, H = mhe->length;
+    dse_mat_mul(H, nx, ny, x, mhe->E_transposed, mhe->errors);
+    for (int j = 0; j < H; j++) {
+        const int place = linear_mhe_place(mhe, j);
+        const dse_real *white = mhe->white + place * ny;
+        dse_real *error = mhe->errors + j * ny;
+        if (!linear_mhe_is_complete(mhe, place))
+            dse_mat_vec(ny, nx, linear_mhe_rows(mhe, place), x + j * nx, error);
+        for (int c = 0; c < ny; c++)
+            error[c] = white[c] - error[c];
+        enlarge(ny, white, s->white);
+        enlarge(nx, x + j * nx, s->x);
+    }
+    dse_mat_mul(H, ny, nx, mhe->errors, mhe->E, mhe->lambda);
+    for (int j = 0; j < H; j++) {
+        const int place = linear_mhe_place(mhe, j);
+        if (!linear_mhe_is_complete(mhe, place))
+            dse_mat_tvec(ny, nx, linear_mhe_rows(mhe, place), mhe->errors + j * ny,
+                         mhe->lambda + j * nx);
+    }
 }
 
 /* Backwards  lambda_j = E_j' (white_j - E_j x_j) + A' lambda_{j+1}. */
 static void find_multipliers(struct dse_linear_mhe *mhe, const dse_real *x, const struct sizes *s)
 {
-    const int nx = mhe->nx, ny = mhe->ny, H = mhe->length;
-    for (int j = H - 1; j >= 0; j--) {
-        const int place = linear_mhe_place(mhe, j);
-        const dse_real *rows = linear_mhe_rows(mhe, place), *white = mhe->white + place * ny;
+    const int nx = mhe->nx;
+    find_output_errors(mhe, x, s);
+    for (int j = mhe->length - 2; j >= 0; j--) {
         dse_real *lambda = mhe->lambda + j * nx;
-        for (int c = 0; c < ny; c++)
-            s->error[c] = white[c] - dse_dot(nx, rows + c * nx, x + j * nx);
-        dse_mat_tvec(ny, nx, rows, s->error, lambda);
-        if (j < H - 1) {
-            dse_mat_tvec(nx, nx, mhe->config->linear.A, lambda + nx, s->work);
-            dse_axpy(nx, 1, s->work, lambda);
-        }
-        enlarge(ny, white, s->white);
-        enlarge(nx, x + j * nx, s->x);
+        dse_mat_tvec(nx, nx, mhe->config->linear.A, lambda + nx, s->work);
+        dse_axpy(nx, 1, s->work, lambda);
     }
 }
 
-/* r <- r - Q v. */
-static void subtract_noise(const struct dse_linear_mhe *mhe, const dse_real *v, dse_real *r)
+/* r <- r - Q v; work: nx. */
+static void subtract_noise(const struct dse_linear_mhe *mhe, const dse_real *v, dse_real *work,
+                           dse_real *r)
 {
     const int nx = mhe->nx;
     const dse_real *Q = mhe->config->Q;
     if (!Q)
         return;
-    for (int i = 0; i < nx; i++)
-        r[i] -= mhe->Q_diagonal ? Q[i * nx + i] * v[i] : dse_dot(nx, Q + i * nx, v);
+    if (mhe->Q_diagonal) {
+        for (int i = 0; i < nx; i++)
+            r[i] -= Q[i * nx + i] * v[i];
+        return;
+    }
+    dse_mat_tvec(nx, nx, Q, v, work); /* symmetric */
+    dse_axpy(nx, -1, work, r);
 }
 
 /* residual_j = x_j - A x_{j-1} - b_j - Q lambda_j,  residual_0 = x_0 - xbar - P lambda_0 or
- * lambda_0.
- */
+ * lambda_0. */
 static void find_residuals(struct dse_linear_mhe *mhe, const dse_real *x, const struct sizes *s)
 {
     const int nx = mhe->nx, H = mhe->length;
+    dse_mat_mul(H - 1, nx, nx, x, mhe->A_transposed, mhe->residual + nx);
     for (int j = 1; j < H; j++) {
         const dse_real *b = mhe->b + linear_mhe_place(mhe, j) * nx;
         dse_real *r = mhe->residual + j * nx;
-        dse_mat_vec(nx, nx, mhe->config->linear.A, x + (j - 1) * nx, r);
         for (int i = 0; i < nx; i++)
             r[i] = x[j * nx + i] - r[i] - b[i];
-        subtract_noise(mhe, mhe->lambda + j * nx, r);
-        enlarge(nx, b, s->b);
+        subtract_noise(mhe, mhe->lambda + j * nx, s->work, r);
+        if (mhe->nu > 0)
+            enlarge(nx, b, s->b);
     }
     dse_real *r = mhe->residual;
     for (int i = 0; i < nx; i++)
@@ -184,7 +209,7 @@ static dse_real transition_ratio(const struct dse_linear_mhe *mhe, const struct 
 dse_real dse_linear_mhe_certify(struct dse_linear_mhe *mhe, const dse_real *x)
 {
     const struct sizes s = sizes_in(mhe);
-    for (int i = 0; i < 4 * mhe->nx + 2 * mhe->ny; i++)
+    for (int i = 0; i < 4 * mhe->nx + mhe->ny; i++)
         s.x[i] = 0;
     find_multipliers(mhe, x, &s);
     find_residuals(mhe, x, &s);

@@ -16,7 +16,8 @@
 /* Place of sample j of the window (0: the oldest, may not be negative) in the ring. */
 static inline int linear_mhe_place(const struct dse_linear_mhe *mhe, int j)
 {
-    return (int)((mhe->newest - (mhe->length - 1) + j) % mhe->N);
+    const int place = mhe->newest_place - (mhe->length - 1) + j;
+    return place < 0 ? place + mhe->N : place;
 }
 
 bool linear_mhe_is_complete(const struct dse_linear_mhe *mhe, int place);

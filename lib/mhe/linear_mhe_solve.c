@@ -172,8 +172,7 @@ static enum dse_health judge(const struct dse_linear_mhe *mhe)
 {
     if (!mhe->solved_by_window || mhe->counts.used == 0)
         return DSE_HEALTH_INITIALISING;
-    return linear_mhe_has_data(mhe, (int)(mhe->newest % mhe->N)) ? DSE_HEALTH_TRACKING
-                                                                 : DSE_HEALTH_COASTING;
+    return linear_mhe_has_data(mhe, mhe->newest_place) ? DSE_HEALTH_TRACKING : DSE_HEALTH_COASTING;
 }
 
 static void commit(struct dse_linear_mhe *mhe, bool by_window, dse_real certificate)

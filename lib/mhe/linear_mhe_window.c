@@ -89,7 +89,7 @@ static void empty(struct dse_linear_mhe *mhe, int place)
  * older, moved on from the estimate of the sample before. */
 static void keep_newest(struct dse_linear_mhe *mhe)
 {
-    const int nx = mhe->nx, place = (int)(mhe->newest % mhe->N);
+    const int nx = mhe->nx, place = mhe->newest_place;
     dse_real *past = mhe->past + place * nx;
     if (mhe->solved_length > 0 && mhe->solved_newest == mhe->newest) {
         for (int i = 0; i < nx; i++)
@@ -98,7 +98,7 @@ static void keep_newest(struct dse_linear_mhe *mhe)
         for (int i = 0; i < nx; i++)
             past[i] = mhe->xbar[i];
     } else {
-        const int before = (int)((mhe->newest - 1) % mhe->N);
+        const int before = place > 0 ? place - 1 : mhe->N - 1;
         for (int i = 0; i < nx; i++)
             mhe->scratch[i] = mhe->past[before * nx + i];
         linear_mhe_move(mhe, mhe->scratch, mhe->b + place * nx, past);
@@ -130,7 +130,8 @@ enum dse_status dse_linear_mhe_advance(struct dse_linear_mhe *mhe, const dse_rea
         mhe->length++;
     }
     mhe->newest++;
-    const int place = (int)(mhe->newest % N);
+    const int place = mhe->newest_place + 1 < N ? mhe->newest_place + 1 : 0;
+    mhe->newest_place = place;
     empty(mhe, place);
     for (int i = 0; i < nx; i++)
         mhe->b[place * nx + i] = drive[i];

@@ -96,14 +96,17 @@ struct dse_linear_mhe {
     const struct dse_linear_mhe_config *config;
     int nx, nu, ny, N;
     int min_horizon;
-    int rank;        /* of Q */
-    bool Q_diagonal; /* so that Q x costs nx products */
-    long newest;     /* number of the newest sample; 0 after init */
-    int length;      /* H */
+    int rank;         /* of Q */
+    bool Q_diagonal;  /* so that Q x costs nx products */
+    long newest;      /* number of the newest sample; 0 after init, */
+    int newest_place; /* and where it is in the ring */
+    int length;       /* H */
 
-    dse_real *V; /* rank x nx: Q = V' V */
-    dse_real *L; /* ny x ny: R = L L' */
-    dse_real *E; /* ny x nx: L^-1 C */
+    dse_real *V;            /* rank x nx: Q = V' V */
+    dse_real *L;            /* ny x ny: R = L L' */
+    dse_real *E;            /* ny x nx: L^-1 C */
+    dse_real *A_transposed; /* for products with many states at once */
+    dse_real *E_transposed;
     /* nx x nx: I + |A|' + .. + (|A|')^{N-1}: how rounding spreads through the multipliers */
     dse_real *spread;
 
@@ -133,11 +136,12 @@ struct dse_linear_mhe {
     int start_rank;
     int start_length; /* the window length that `start` is good for, 0: none */
 
-    dse_real *x;      /* N x nx: states of the last solution, oldest first, */
-    dse_real *x_next; /* and of the one that is being made */
-    dse_real *g;      /* N x nx */
-    dse_real *lambda; /* N x nx */
-    dse_real *residual;
+    dse_real *x;        /* N x nx: states of the last solution, oldest first, */
+    dse_real *x_next;   /* and of the one that is being made */
+    dse_real *g;        /* N x nx */
+    dse_real *lambda;   /* N x nx */
+    dse_real *residual; /* N x nx */
+    dse_real *errors;   /* N x ny */
     dse_real *scratch;
 
     long solved_newest;    /* newest sample of the last solution, */
@@ -158,15 +162,15 @@ struct dse_linear_mhe {
      DSE_LINEAR_MHE_LARGER((nx)*DSE_FACTORED_STRIDE(ny),                                           \
                            DSE_LINEAR_MHE_LARGER(DSE_FACTORED_UPDATE_SCRATCH(nx, ny),              \
                                                  DSE_FACTORED_PREDICT_SCRATCH(nx))))
-#define DSE_LINEAR_MHE_SCRATCH_REST(nx, ny) ((ny) * (ny) + 2 * (ny) + 4 * (nx))
+#define DSE_LINEAR_MHE_SCRATCH_REST(nx, ny) ((ny) * (ny) + (ny) + 4 * (nx))
 #define DSE_LINEAR_MHE_SCRATCH(nx, ny)                                                             \
     DSE_LINEAR_MHE_LARGER(DSE_LINEAR_MHE_SCRATCH_FACTOR(nx, ny),                                   \
                           DSE_LINEAR_MHE_LARGER(DSE_LINEAR_MHE_SCRATCH_ARRIVAL(nx, ny),            \
                                                 DSE_LINEAR_MHE_SCRATCH_REST(nx, ny)))
 /* Reals that dse_linear_mhe_init takes. */
 #define DSE_LINEAR_MHE_STORAGE(nx, ny, N)                                                          \
-    (4 * (nx) * (nx) + (ny) * (ny) + (ny) * (nx) + DSE_FACTORED_SIZE(nx) + 3 * (nx) +              \
-     (N) * (3 * (ny) + (ny) * (nx) + 8 * (nx) + 6 * (nx) * (nx)) + DSE_LINEAR_MHE_SCRATCH(nx, ny))
+    (5 * (nx) * (nx) + (ny) * (ny) + 2 * (ny) * (nx) + DSE_FACTORED_SIZE(nx) + 3 * (nx) +          \
+     (N) * (4 * (ny) + (ny) * (nx) + 8 * (nx) + 6 * (nx) * (nx)) + DSE_LINEAR_MHE_SCRATCH(nx, ny))
 
 /* The window then holds one sample, number 0, without data. DSE_EINVAL: a value outside its range,
  * a matrix that is missing or not symmetric; DSE_ENOTPD: P0, Q or R; DSE_ENONFINITE; DSE_ESTORAGE.
