@@ -456,6 +456,35 @@ static void certificate_is_small_at_the_solution_and_large_beside_it(void **stat
     }
 }
 
+/* Factors that are wrong in half of their digits still lead to the solution. */
+static void errors_of_the_factors_are_corrected_by_the_residual(void **state)
+{
+    (void)state;
+    enum { nx = 4, N = 6 };
+    for (int trial = 0; trial < 3; trial++) {
+        seed = 13;
+        struct system s;
+        struct data data;
+        struct dse_linear_mhe mhe;
+        dse_real expected[N * nx];
+        random_system(&s, nx, 2, nx, nx, 1);
+        simulate(&s, 0, &data);
+        const struct dse_linear_mhe_config config = config_of(&s, N, (enum dse_arrival)trial);
+        for (int pass = 0; pass < 2; pass++) {
+            assert_int_equal(start(&mhe, &config), DSE_OK);
+            for (int i = 0; i < N * 3 * nx * nx && pass == 1; i++)
+                mhe.complete[i] *= 1 + dse_sqrt(EPS) * uniform();
+            for (int k = 0; k < 10; k++)
+                step(&mhe, &data, k);
+            for (int i = 0; i < N * nx && pass == 0; i++)
+                expected[i] = dse_linear_mhe_window(&mhe)[i];
+        }
+        assert_agree(N * nx, dse_linear_mhe_window(&mhe), expected, 1000 * EPS);
+        assert_true(dse_linear_mhe_certificate(&mhe) < TIGHT);
+        assert_true(dse_linear_mhe_counts(&mhe)->refinements >= 5);
+    }
+}
+
 static void a_solution_above_the_tolerance_is_refused_and_the_estimate_kept(void **state)
 {
     (void)state;
@@ -767,6 +796,7 @@ int main(void)
         cmocka_unit_test(the_whole_window_equals_dense_least_squares),
         cmocka_unit_test(covariance_without_arrival_cost_is_the_corner_of_the_inverse_hessian),
         cmocka_unit_test(certificate_is_small_at_the_solution_and_large_beside_it),
+        cmocka_unit_test(errors_of_the_factors_are_corrected_by_the_residual),
         cmocka_unit_test(a_solution_above_the_tolerance_is_refused_and_the_estimate_kept),
         cmocka_unit_test(short_windows_without_arrival_cost_are_predicted_from_x0),
         cmocka_unit_test(a_gap_that_is_filled_leaves_no_trace),
