@@ -377,6 +377,38 @@ static void the_whole_window_equals_dense_least_squares(void **state)
     }
 }
 
+/* Samples that nobody asked an estimate for leave a prediction in its place. */
+static void samples_without_a_solution_leave_a_predicted_arrival_cost(void **state)
+{
+    (void)state;
+    enum { nx = 3, N = 3, LAST = 9 };
+    seed = 14;
+    struct system s;
+    struct data data;
+    struct dse_linear_mhe mhe;
+    dse_real xbar[nx], moved[nx], expected[N * nx] = {0};
+    random_system(&s, nx, 2, nx, nx, 1);
+    simulate(&s, 0, &data);
+    const struct dse_linear_mhe_config config = config_of(&s, N, DSE_ARRIVAL_CONSTANT);
+    assert_int_equal(start(&mhe, &config), DSE_OK);
+    for (int i = 0; i < nx; i++)
+        xbar[i] = s.x0[i];
+    for (int k = 0; k <= LAST; k++) {
+        const struct dse_measurement sample = sample_of(&data, k);
+        if (k > 0)
+            assert_int_equal(dse_linear_mhe_advance(&mhe, &data.u[k - 1]), DSE_OK);
+        assert_int_equal(dse_linear_mhe_measure(&mhe, 0, &data.u[k], &sample), DSE_OK);
+        if (k > LAST - N) /* as long as that sample is not yet the oldest of the window */
+            continue;
+        dense_product(nx, nx, 1, s.A, xbar, 0, moved);
+        for (int i = 0; i < nx; i++)
+            xbar[i] = moved[i] + s.B[i] * data.u[k];
+    }
+    assert_int_equal(dse_linear_mhe_solve(&mhe), DSE_OK);
+    dense_window(&s, &data, LAST + 1 - N, N, xbar, expected);
+    assert_agree(N * nx, dse_linear_mhe_window(&mhe), expected, AGREEMENT);
+}
+
 /* Psi = C'R^-1 C + G_A' Q^-1 G_A and its inverse, dense. */
 static void covariance_without_arrival_cost_is_the_corner_of_the_inverse_hessian(void **state)
 {
@@ -695,6 +727,46 @@ static void a_window_that_does_not_determine_the_states_says_so(void **state)
     }
 }
 
+/* A state that the outputs never see, mixed with the others: only rounding makes the window
+ * regular. */
+static void a_hidden_state_is_not_taken_for_an_observed_one(void **state)
+{
+    (void)state;
+    enum { nx = 3 };
+    seed = 15;
+    for (int trial = 0; trial < 100; trial++) {
+        dse_real T[9], copy[9], inverse[9], A[9], C[3], part[9];
+        const dse_real modes[9] = {DSE_REAL(0.5), 1, 0, 0, DSE_REAL(0.7), 0, 0, 0, DSE_REAL(0.9)};
+        const dse_real seen[3] = {1, 0, 0}, R[1] = {1}, Q[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+        for (int i = 0; i < 9; i++) { /* diagonally dominant: well conditioned */
+            T[i] = (i % 4 == 0 ? 3 : 0) + uniform();
+            copy[i] = T[i];
+        }
+        dense_inverse(nx, copy, inverse); /* z = T^-1 x, z+ = modes z, y = z_0 */
+        dense_product(nx, nx, nx, T, modes, 0, part);
+        dense_product(nx, nx, nx, part, inverse, 0, A);
+        dense_product(1, nx, nx, seen, inverse, 0, C);
+        const struct dse_linear_mhe_config config = {.nx = nx,
+                                                     .ny = 1,
+                                                     .linear = {A, NULL, C, NULL},
+                                                     .horizon = 6,
+                                                     .arrival = DSE_ARRIVAL_NONE,
+                                                     .Q = Q,
+                                                     .R = R};
+        struct dse_linear_mhe mhe;
+        assert_int_equal(start(&mhe, &config), DSE_OK);
+        for (int k = 0; k < 8; k++) {
+            const dse_real y = uniform();
+            const struct dse_measurement sample = {&y, NULL};
+            if (k > 0)
+                assert_int_equal(dse_linear_mhe_advance(&mhe, NULL), DSE_OK);
+            assert_int_equal(dse_linear_mhe_measure(&mhe, 0, NULL, &sample), DSE_OK);
+            assert_int_equal(dse_linear_mhe_solve(&mhe), k + 1 < nx ? DSE_OK : DSE_ESINGULAR);
+        }
+        assert_int_equal(dse_linear_mhe_health(&mhe), DSE_HEALTH_UNOBSERVABLE);
+    }
+}
+
 static void overflow_is_reported_and_the_estimate_kept(void **state)
 {
     (void)state;
@@ -794,6 +866,7 @@ int main(void)
         cmocka_unit_test(equals_the_kalman_filter_on_a_thousand_random_systems),
         cmocka_unit_test(late_values_count_as_if_they_had_come_in_time),
         cmocka_unit_test(the_whole_window_equals_dense_least_squares),
+        cmocka_unit_test(samples_without_a_solution_leave_a_predicted_arrival_cost),
         cmocka_unit_test(covariance_without_arrival_cost_is_the_corner_of_the_inverse_hessian),
         cmocka_unit_test(certificate_is_small_at_the_solution_and_large_beside_it),
         cmocka_unit_test(errors_of_the_factors_are_corrected_by_the_residual),
@@ -803,6 +876,7 @@ int main(void)
         cmocka_unit_test(missing_values_are_counted_and_told_apart),
         cmocka_unit_test(a_value_that_comes_again_replaces_the_earlier_one),
         cmocka_unit_test(a_window_that_does_not_determine_the_states_says_so),
+        cmocka_unit_test(a_hidden_state_is_not_taken_for_an_observed_one),
         cmocka_unit_test(overflow_is_reported_and_the_estimate_kept),
         cmocka_unit_test(impossible_configurations_are_refused_with_their_own_code),
         cmocka_unit_test(storage_constant_is_what_init_takes),
