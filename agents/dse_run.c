@@ -1,5 +1,6 @@
 /* dse-run: runs a scenario, as processes or in one, or re-estimates from a recorded log. */
 #include <stdio.h>
+#include <sys/stat.h>
 
 #include "dse_clock_t.h"
 #include "run/run.h"
@@ -74,6 +75,13 @@ static bool take(void *self, int option, char *value, struct error *error)
     }
 }
 
+static bool same_file(const char *a, const char *b)
+{
+    struct stat one, other;
+    return stat(a, &one) == 0 && stat(b, &other) == 0 && one.st_dev == other.st_dev &&
+           one.st_ino == other.st_ino;
+}
+
 static bool check(const void *self, const struct options *common, struct error *error)
 {
     const struct run_options *options = self;
@@ -82,6 +90,8 @@ static bool check(const void *self, const struct options *common, struct error *
                          common->scenario);
     if (options->replay != NULL && common->pace_given)
         return error_set(error, "--replay goes as fast as it can: leave out --pace");
+    if (options->replay != NULL && options->log != NULL && same_file(options->replay, options->log))
+        return error_set(error, "--log %s: that is the log to be replayed", options->log);
     if (options->inproc && common->pace == DSE_CLOCK_T_PACE_REPLAY)
         return error_set(error, "--pace replay needs processes on a bus: leave out --inproc, or "
                                 "use --replay LOG");

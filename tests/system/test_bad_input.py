@@ -54,6 +54,7 @@ COMMAND_LINES = [
     ("dse-run", "ahg-43 --inproc --pace replay", 2, "--pace replay needs processes on a bus"),
     ("dse-run", "ahg-43 --replay run.lcm", 2, "--replay takes the scenario from the log"),
     ("dse-run", "--replay run.lcm --pace lockstep", 2, "--replay goes as fast as it can"),
+    ("dse-run", "--replay text.lcm --log ./text.lcm", 2, "that is the log to be replayed"),
     ("dse-run", "--replay nowhere.lcm", 2, "cannot read the log nowhere.lcm: No such file"),
     ("dse-run", "--replay empty.lcm", 2, "empty.lcm: no run_info of a plant in it"),
     ("dse-run", "--replay text.lcm", 2, "text.lcm: no run_info of a plant in it"),
