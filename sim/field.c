@@ -55,7 +55,8 @@ void sim_field_explain(const struct sim_field *field, char *text, int size)
     if (field->fault == DSE_OK)
         return;
     if (field->fault_state >= 0)
-        sim_reason(text, size, "; the derivative of %s is not finite",
+        sim_reason(text, size, "; the %s of %s is not finite",
+                   field->model.time == DSE_DISCRETE ? "next value" : "derivative",
                    field->plant->states[field->fault_state].name);
     else
         sim_reason(text, size, "; %s", dse_status_text(field->fault));

@@ -7,7 +7,7 @@
 #include "dse/plant.h"
 #include "sim/drive.h"
 
-/* x' = f(t, x, u) + w, and the first thing that went wrong in it. */
+/* x' or x_(k+1) = f(t, x, u) + w, and the first thing that went wrong in it. */
 struct sim_field {
     struct dse_model model;
     const struct dse_plant *plant;
@@ -18,7 +18,7 @@ struct sim_field {
 
     enum dse_status fault; /* of the latest failed evaluation */
     double fault_time;
-    int fault_state; /* whose derivative was not finite; -1: none in particular */
+    int fault_state; /* whose derivative (next value) was not finite; -1: none in particular */
 };
 
 /* A dse_ode_rhs: dx = f(t, x, u) + w. DSE_ENONFINITE when a derivative is not finite, else what the

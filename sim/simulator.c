@@ -14,7 +14,7 @@
 struct simulator {
     struct sim_field field;
     enum sim_integrator integrator;
-    struct sim_cvode *cvode;   /* NULL with SIM_RK4 */
+    struct sim_cvode *cvode;   /* NULL with SIM_RK4 and with a discrete model */
     struct sim_driver *driver; /* NULL: constant inputs */
     double period;
     int64_t sample;
@@ -67,8 +67,9 @@ static bool check_dimensions(const struct dse_plant *plant, const struct dse_mod
             DSE_PLANT_MAX_OUTPUTS);
     if (model->nx != plant->nx || model->nu != plant->nu || model->ny != plant->ny)
         return sim_reason(reason, size, "; the model's dimensions are not those of the plant");
-    if (model->time != DSE_CONTINUOUS)
-        return sim_reason(reason, size, "; the model is not a differential equation");
+    if (model->time != DSE_CONTINUOUS && model->time != DSE_DISCRETE)
+        return sim_reason(reason, size,
+                          "; the model is neither a differential nor a difference equation");
     return true;
 }
 
@@ -150,6 +151,11 @@ static bool enter_sample(struct simulator *sim, int64_t k, const double *x, char
     return true;
 }
 
+static bool is_discrete(const struct simulator *sim)
+{
+    return sim->field.model.time == DSE_DISCRETE;
+}
+
 static void copy_config(struct simulator *sim, const struct sim_config *config)
 {
     const struct dse_plant *plant = config->plant;
@@ -204,7 +210,8 @@ static bool set_up(struct simulator *sim, const struct sim_config *config, char 
         return false;
     copy_config(sim, config);
     return create_driver(sim, config, reason, size) &&
-           (sim->integrator == SIM_RK4 || create_cvode(sim, config, reason, size)) &&
+           (sim->integrator == SIM_RK4 || is_discrete(sim) ||
+            create_cvode(sim, config, reason, size)) &&
            enter_sample(sim, 0, sim->x, reason, size);
 }
 
@@ -274,11 +281,26 @@ static bool integrate_rk4(struct simulator *sim, double t, double *x, char *reas
     return false;
 }
 
+/* x_(k+1) = f(t_k, x_k, u_k) + w_k in place: the field is the step itself. */
+static bool step_discrete(struct simulator *sim, double t, double *x, char *reason, int size)
+{
+    double next[DSE_PLANT_MAX_STATES];
+    sim->field.fault = DSE_OK;
+    if (sim_field_rhs(&sim->field, t, x, next) != DSE_OK) {
+        sim_field_explain(&sim->field, reason, size);
+        return false;
+    }
+    memcpy(x, next, (size_t)sim->field.model.nx * sizeof *x);
+    return true;
+}
+
 /* x(t_k) -> x(t_(k+1)) in place. */
 static bool integrate(struct simulator *sim, double *x, char *reason, int size)
 {
     double t = sim_time(sim);
     double t1 = (double)(sim->sample + 1) * sim->period;
+    if (is_discrete(sim))
+        return step_discrete(sim, t, x, reason, size);
     /* f + w jumps at every sample with held noise, and where an input does */
     bool jumps = sim->process.distribution != SIM_NONE || sim->jumped;
     if (sim->integrator == SIM_RK4

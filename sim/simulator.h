@@ -1,7 +1,8 @@
 /* The true plant: integrates a dse_plant's model from sample to sample, drives its inputs, adds
  * process and measurement noise. Knows nothing of estimators, messages or files.
  *
- *     x' = f(t, x, u) + w_k   for t_k <= t < t_(k+1),   t_k = k T_s
+ *     x' = f(t, x, u) + w_k              for t_k <= t < t_(k+1),   t_k = k T_s
+ *     x_(k+1) = f(t_k, x_k, u_k) + w_k   when the model is discrete: T_s is its step
  *     y_k = h(t_k, x_k, u) + v_k
  *
  * w_k and v_k are drawn once per sample; same seed, same bits. Inputs: sim/drive.h. */
@@ -27,11 +28,12 @@ struct sim_config {
     const double *u;                /* nu constant inputs, or NULL when nu = 0 */
     const struct sim_drive *drives; /* inputs that are not constant */
     int n_drives;
-    double period; /* T_s in the plant's time unit, > 0 */
-    enum sim_integrator integrator;
-    double rtol;                  /* CVODE, >= 0; 0: 1e-10 */
-    double atol;                  /* CVODE, >= 0; 0: 1e-12; multiplied by each state's scale */
-    struct sim_noise process;     /* nx channels, added to the derivative: units per time */
+    double period;                  /* T_s in the plant's time unit, > 0 */
+    enum sim_integrator integrator; /* of no meaning for a discrete model, like rtol and atol */
+    double rtol;                    /* CVODE, >= 0; 0: 1e-10 */
+    double atol;                    /* CVODE, >= 0; 0: 1e-12; multiplied by each state's scale */
+    struct sim_noise process;     /* nx channels, added to the derivative: units per time. Discrete
+                                   * model: to the next state, units */
     struct sim_noise measurement; /* ny channels, added to the output */
     double missing; /* probability that an output's value is missing, per output and sample */
     uint64_t seed;

@@ -96,7 +96,8 @@ enum scenario_distribution { SCENARIO_NONE, SCENARIO_UNIFORM, SCENARIO_GAUSSIAN 
  * distribution on [-scale, scale], the standard deviation of a Gaussian one. */
 struct scenario_noise {
     enum scenario_distribution distribution;
-    double *scale; /* one per state (process, units per plant time unit) or output (measurement) */
+    double *scale; /* one per state (process, units per plant time unit if continuous) or output
+                      (measurement) */
     unsigned scale_count;
 };
 

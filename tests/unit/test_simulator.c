@@ -257,6 +257,71 @@ static void rk4_takes_one_classical_step_per_sample(void **state)
     }
 }
 
+/* a(k+1) = a/2 + u, b(k+1) = b + a, c(k+1) = -2 c + t */
+static enum dse_status difference_f(const struct dse_model *model, dse_real t, const dse_real *x,
+                                    const dse_real *u, dse_real *next)
+{
+    (void)model;
+    next[0] = x[0] / 2 + u[0];
+    next[1] = x[1] + x[0];
+    next[2] = -2 * x[2] + t;
+    return DSE_OK;
+}
+
+/* Once per sample, without any integrator: all values here are exact. */
+static void a_discrete_plant_goes_by_its_own_step(void **state)
+{
+    (void)state;
+    static const double scale[] = {0.5, 3, 0};
+    const struct test_plant difference = {.name = "difference",
+                                          .nx = 3,
+                                          .nu = 1,
+                                          .ny = 2,
+                                          .time = DSE_DISCRETE,
+                                          .f = difference_f,
+                                          .h = copy_h};
+    for (int i = 0; i < 4; i++) {
+        struct setting setting;
+        set(&setting, &difference, 0.25);
+        setting.config.integrator = i % 2 == 0 ? SIM_CVODE : SIM_RK4;
+        if (i >= 2)
+            setting.config.process = (struct sim_noise){SIM_UNIFORM, scale};
+        struct simulator *sim = create(&setting);
+        struct sim_noise_source twin;
+        sim_noise_init(&twin, &setting.config.process, 3, setting.config.seed, SIM_NOISE_PROCESS);
+        double x[] = {1, 1, 1};
+        for (int k = 0; k < 40; k++) {
+            double w[3];
+            sim_noise_draw(&twin, w);
+            assert_same_bits(sim_state(sim), x, 3);
+            assert_same_bits(sim_output(sim), x, 2);
+            const double next[] = {x[0] / 2 + 1 + w[0], x[1] + x[0] + w[1],
+                                   -2 * x[2] + k * 0.25 + w[2]};
+            memcpy(x, next, sizeof x);
+            step(sim);
+        }
+        sim_destroy(sim);
+    }
+}
+
+/* Twice 1e308 is no double. */
+static void a_discrete_plant_that_overflows_says_which_state(void **state)
+{
+    (void)state;
+    static const double far[] = {0, 0, 1e308};
+    const struct test_plant difference = {
+        .name = "difference", .nx = 3, .nu = 1, .time = DSE_DISCRETE, .f = difference_f};
+    struct setting setting;
+    char reason[REASON] = "";
+    set(&setting, &difference, 1);
+    setting.config.x0 = far;
+    struct simulator *sim = create(&setting);
+    assert_false(sim_step(sim, reason, sizeof reason));
+    assert_non_null(strstr(reason, "the next value of c is not finite at t = 0 h"));
+    assert_true(sim_sample(sim) == 0 && sim_state(sim)[2] > 9e307);
+    sim_destroy(sim);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -268,6 +333,8 @@ int main(void)
         cmocka_unit_test(a_looser_tolerance_gives_a_larger_error),
         cmocka_unit_test(the_absolute_tolerance_goes_with_the_scale_of_a_state),
         cmocka_unit_test(rk4_takes_one_classical_step_per_sample),
+        cmocka_unit_test(a_discrete_plant_goes_by_its_own_step),
+        cmocka_unit_test(a_discrete_plant_that_overflows_says_which_state),
     };
     return cmocka_run_group_tests_name("simulator", tests, NULL, NULL);
 }

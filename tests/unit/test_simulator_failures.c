@@ -279,7 +279,7 @@ static void a_plant_that_cannot_be_simulated_is_refused_with_a_reason(void **sta
         {"process noise is missing", 1, 0, 0, ones, ones, {SIM_UNIFORM, 0}, {0}, 0, 3},
         {"process noise of c is negative", 1, 0, 0, ones, ones, {SIM_UNIFORM, negative}, {0}, 0, 3},
         {"measurement noise of b", 1, 0, 0, ones, ones, {0}, {SIM_GAUSSIAN, nan_at_b}, 0, 3},
-        {"not a differential equation", 1, 0, 0, ones, ones, {0}, {0}, DSE_DISCRETE, 3},
+        {"neither a differential nor", 1, 0, 0, ones, ones, {0}, {0}, (enum dse_time_kind)2, 3},
         {"not those of the plant", 1, 0, 0, ones, ones, {0}, {0}, DSE_CONTINUOUS, 2},
         {"0 states", 1, 0, 0, ones, ones, {0}, {0}, DSE_CONTINUOUS, 0},
         {"161 states", 1, 0, 0, ones, ones, {0}, {0}, DSE_CONTINUOUS, DSE_PLANT_MAX_STATES + 1},
