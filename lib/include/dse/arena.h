@@ -25,7 +25,7 @@ void dse_arena_init(struct dse_arena *arena, dse_real *memory, int capacity);
 dse_real *dse_arena_take(struct dse_arena *arena, int count);
 
 /* Reals needed to keep `count` ints in an arena. */
-#define DSE_ARENA_INTS(count) \
+#define DSE_ARENA_INTS(count)                                                                      \
     ((int)(((count) * (int)sizeof(int) + (int)sizeof(dse_real) - 1) / (int)sizeof(dse_real)))
 
 #endif
