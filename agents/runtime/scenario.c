@@ -150,6 +150,7 @@ void scenario_free(struct scenario *scenario)
         return;
     for (unsigned i = 0; i < scenario->overrides_count; i++)
         free(scenario->overrides[i]);
+    scenario_linear_free(scenario->linear);
     free(scenario->overrides);
     free(scenario->yaml);
     free(scenario->file);
@@ -199,6 +200,10 @@ bool scenario_prepare_plant(const struct scenario *scenario, const struct scenar
 {
     const struct dse_plant *plant = scenario->process;
     bool own_set = network != NULL && network->set != NULL;
+    if (plant->prepare == NULL) {
+        memcpy(prepared, plant->constants, (size_t)plant->prepared_size * sizeof *prepared);
+        return true;
+    }
     const struct dse_parameter_set *set =
         find_set(plant, own_set ? network->set : scenario->plant.set);
     memcpy(values, set->values, (size_t)plant->n_parameters * sizeof *values);

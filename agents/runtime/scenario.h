@@ -76,9 +76,32 @@ struct scenario_drive {
     struct scenario_loop *loop; /* NULL: the signal is the input */
 };
 
+enum scenario_time_kind { SCENARIO_CONTINUOUS, SCENARIO_DISCRETE };
+
+/* x' = A x + B u or x(k+1) = A x(k) + B u(k), y = C x: a plant without code. Matrices row by row.
+ */
+struct scenario_linear {
+    enum scenario_time_kind time; /* default continuous; discrete: one step per sample */
+    double unit_s;                /* seconds in one unit of plant time, 0: 1 */
+    unsigned nx, nu;
+    double *A; /* nx x nx */
+    unsigned A_count;
+    double *B; /* nx x nu, NULL when nu = 0 */
+    unsigned B_count;
+    double *C; /* ny x nx; ny follows from it */
+    unsigned C_count;
+    char **states; /* names, NULL: x1, x2, .. */
+    unsigned states_count;
+    unsigned *groups; /* rows of C that each sensor group has, in order; NULL: one group */
+    unsigned groups_count;
+};
+
+struct scenario_linear_plant;
+
 struct scenario_plant {
     char *name;
-    char *set; /* parameter set, NULL: the plant's first */
+    struct scenario_linear *linear; /* with the plant called linear, else NULL */
+    char *set;                      /* parameter set, NULL: the plant's first */
     struct scenario_parameter *parameters;
     unsigned parameters_count;
     double *x0; /* true initial state, NULL: that of the set */
@@ -142,10 +165,11 @@ struct scenario {
     struct scenario_timeouts timeouts;
 
     /* Filled by the reader, not by YAML: */
-    const struct dse_plant *process; /* the plant called plant.name */
-    char *file;                      /* as given, for messages */
-    char *yaml;                      /* the text as read */
-    char **overrides;                /* "key=value" as given with --set */
+    const struct dse_plant *process; /* the plant called plant.name, or the one of plant.linear */
+    struct scenario_linear_plant *linear; /* what holds the latter, NULL: none */
+    char *file;                           /* as given, for messages */
+    char *yaml;                           /* the text as read */
+    char **overrides;                     /* "key=value" as given with --set */
     unsigned overrides_count;
     uint64_t hash; /* of the values, overrides included: equal hash, equal experiment. What cannot
                     * change a result does not count: comments, layout, title, source, timeouts */

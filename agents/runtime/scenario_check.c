@@ -323,6 +323,30 @@ static bool check_value(struct check *c, const cyaml_schema_value_t *schema, int
     }
 }
 
+/* The plant that the scenario itself describes: its section is checked first, because the lengths
+ * of other lists follow from it. */
+static bool make_linear(struct check *c, const cyaml_schema_value_t *schema)
+{
+    const cyaml_schema_field_t *plant = scenario_schema_field(schema->mapping.fields, "plant");
+    const cyaml_schema_field_t *linear =
+        scenario_schema_field(plant->value.mapping.fields, "linear");
+    const yaml_node_pair_t *above = scenario_tree_pair(c->tree, 1, "plant");
+    const yaml_node_pair_t *pair =
+        above != NULL ? scenario_tree_pair(c->tree, above->value, "linear") : NULL;
+    if (pair == NULL)
+        return true; /* scenario_judge says so */
+    int section = pair->value;
+    snprintf(c->path, sizeof c->path, "plant.linear");
+    if (!check_value(c, &linear->value, section))
+        return false;
+    c->path[0] = '\0';
+    c->tree->linear = scenario_linear_make(c->tree, section, c->error);
+    if (c->tree->linear == NULL)
+        return false;
+    c->plant = scenario_linear_process(c->tree->linear);
+    return true;
+}
+
 bool scenario_check(struct scenario_tree *tree, const cyaml_schema_value_t *schema,
                     struct error *error)
 {
@@ -331,5 +355,7 @@ bool scenario_check(struct scenario_tree *tree, const cyaml_schema_value_t *sche
     const char *text = scenario_tree_text(tree, name);
     if (text != NULL)
         check.plant = dse_plant_find(text);
+    if (text != NULL && strcmp(text, "linear") == 0 && !make_linear(&check, schema))
+        return false;
     return check_value(&check, schema, 1);
 }

@@ -65,6 +65,7 @@ struct scenario_tree {
     const char *file;
     const char *const *overrides;
     unsigned overrides_count;
+    struct scenario_linear_plant *linear; /* made by scenario_check, taken by scenario_judge */
 };
 
 /* Nothing to free after a failure. */
@@ -119,6 +120,13 @@ bool scenario_judge(struct scenario_tree *tree, struct scenario *scenario, struc
 /* The part of it about plant.drive, in scenario_drive.c. */
 bool scenario_judge_drive(struct scenario_tree *tree, const struct scenario *scenario,
                           struct error *error);
+/* The plant that the section plant.linear describes, scenario_linear.c: NULL and an error text when
+ * its parts do not fit each other. The section itself fits the schema. */
+struct scenario_linear_plant *scenario_linear_make(struct scenario_tree *tree, int section,
+                                                   struct error *error);
+/* linear may be NULL. */
+void scenario_linear_free(struct scenario_linear_plant *linear);
+const struct dse_plant *scenario_linear_process(const struct scenario_linear_plant *linear);
 uint64_t scenario_hash(const struct scenario *scenario, const cyaml_schema_value_t *schema);
 
 /* A finite number, plainly written; false and what is wrong with it otherwise. */

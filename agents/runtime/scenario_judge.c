@@ -54,15 +54,31 @@ static bool judge_time(struct judge *j)
     return true;
 }
 
+static bool judge_linear(struct judge *j)
+{
+    if (j->tree->linear == NULL)
+        return fail(j, "plant.linear", "is missing: the matrices of the plant called linear");
+    j->scenario->linear = j->tree->linear;
+    j->scenario->process = scenario_linear_process(j->tree->linear);
+    j->tree->linear = NULL;
+    return true;
+}
+
 static bool judge_plant(struct judge *j)
 {
     struct scenario *scenario = j->scenario;
+    if (strcmp(scenario->plant.name, "linear") == 0)
+        return judge_linear(j);
+    if (scenario->plant.linear != NULL)
+        return fail(j, "plant.linear", "belongs to the plant called linear, not to %s",
+                    scenario->plant.name);
     scenario->process = dse_plant_find(scenario->plant.name);
     if (scenario->process != NULL)
         return true;
     struct scenario_words plants = {.count = 0};
     for (int i = 0; dse_plant_at(i) != NULL; i++)
         scenario_words_add(&plants, dse_plant_at(i)->name);
+    scenario_words_add(&plants, "linear");
     return fail_word(j, "plant.name", "there is no plant", scenario->plant.name, &plants);
 }
 

@@ -20,9 +20,10 @@ static const char *type_of(const cyaml_schema_value_t *schema)
         return "text";
     case CYAML_SEQUENCE:
     case CYAML_SEQUENCE_FIXED:
-        return schema->sequence.entry->type == CYAML_MAPPING ? "list of groups"
-               : schema->sequence.entry->type == CYAML_ENUM  ? "list of words"
-                                                             : "list of numbers";
+        return schema->sequence.entry->type == CYAML_MAPPING  ? "list of groups"
+               : schema->sequence.entry->type == CYAML_ENUM   ? "list of words"
+               : schema->sequence.entry->type == CYAML_STRING ? "list of texts"
+                                                              : "list of numbers";
     default:
         return "group of keys";
     }

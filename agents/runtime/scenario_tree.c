@@ -46,6 +46,8 @@ yaml_node_pair_t *scenario_document_pair(yaml_document_t *document, int mapping,
 
 void scenario_tree_free(struct scenario_tree *tree)
 {
+    scenario_linear_free(tree->linear);
+    tree->linear = NULL;
     yaml_document_delete(&tree->document);
 }
 

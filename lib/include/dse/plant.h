@@ -69,8 +69,10 @@ struct dse_plant {
     /* Size in reals of what `prepare` makes of the parameter values (derived constants). */
     int prepared_size;
     /* Computes derived constants from n_parameters values; DSE_EINVAL when they make no plant.
-     * Functions of the model and the normal form find `prepared` as their parameters pointer. */
+     * Functions of the model and the normal form find `prepared` as their parameters pointer.
+     * NULL in a plant without parameters whose constants are known: they are copied then. */
     enum dse_status (*prepare)(const dse_real *values, dse_real *prepared);
+    const dse_real *constants; /* prepared_size; NULL where there is a prepare */
     /* Fills the model; prepared must outlive it. */
     void (*model)(const dse_real *prepared, struct dse_model *model);
     /* Fills the normal form; NULL when the plant has none. */
@@ -80,7 +82,7 @@ struct dse_plant {
 /* The largest prepared_size, nx, nu, ny of all shipped plants and generous bounds for one's own. */
 #define DSE_PLANT_MAX_STATES     160
 #define DSE_PLANT_MAX_INPUTS     32
-#define DSE_PLANT_MAX_OUTPUTS    64
+#define DSE_PLANT_MAX_OUTPUTS    256
 #define DSE_PLANT_MAX_PARAMETERS 128
 
 /* The plant called `name`, or NULL. */
