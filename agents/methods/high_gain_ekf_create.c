@@ -47,6 +47,11 @@ static bool blocks_are_in_order(const struct dse_plant *process)
 static bool plant_fits(const struct method_setup *setup, struct error *error)
 {
     const struct dse_plant *process = setup->process;
+    if (setup->graph != NULL)
+        return error_set(error,
+                         "%s: networks.%s.graph: high_gain_ekf has no use for a graph, all its "
+                         "nodes hear each other",
+                         setup->scenario->file, setup->network->name);
     if (process->normal_form == NULL)
         return error_set(error, "plant %s has no normal form, which high_gain_ekf needs",
                          process->name);

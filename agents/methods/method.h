@@ -87,14 +87,26 @@ struct method_estimate {
     double diagnostic[METHOD_DIAGNOSTICS_CAPACITY];
 };
 
+/* A network's graph. Node i hears in[in_first[i]] .. in[in_first[i + 1] - 1] and is heard by
+ * out[out_first[i]] .. out[out_first[i + 1] - 1], ascending. */
+struct method_graph {
+    int nodes;
+    const int *in_first; /* nodes + 1 */
+    const int *in;
+    const int *out_first; /* nodes + 1 */
+    const int *out;
+};
+
 /* What create gets to know. */
 struct method_setup {
     const struct scenario *scenario;
     const struct scenario_network *network;
     const void *section; /* the network's section for this method, of section_size bytes */
-    const struct dse_plant *process; /* scenario->process */
-    const dse_real *prepared;        /* the estimators' own plant constants; outlive the node */
-    double period;                   /* in the plant's time unit */
+    const struct method_graph *graph; /* networks[].graph; NULL: the scenario gives none. A method
+                                       * that has no use for a graph refuses one */
+    const struct dse_plant *process;  /* scenario->process */
+    const dse_real *prepared;         /* the estimators' own plant constants; outlive the node */
+    double period;                    /* in the plant's time unit */
     int node;
 };
 

@@ -14,6 +14,7 @@ const struct method *network_method(const struct scenario *scenario, int network
     *setup = (struct method_setup){.scenario = scenario,
                                    .network = section,
                                    .section = section->section[index],
+                                   .graph = section->neighbours,
                                    .process = scenario->process,
                                    .period = scenario_period(scenario)};
     return method;

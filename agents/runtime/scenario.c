@@ -150,6 +150,8 @@ void scenario_free(struct scenario *scenario)
         return;
     for (unsigned i = 0; i < scenario->overrides_count; i++)
         free(scenario->overrides[i]);
+    for (unsigned i = 0; i < scenario->networks_count; i++)
+        scenario_graph_free(scenario->networks[i].neighbours);
     scenario_linear_free(scenario->linear);
     free(scenario->overrides);
     free(scenario->yaml);

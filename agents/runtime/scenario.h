@@ -130,6 +130,16 @@ struct scenario_noises {
     double missing; /* probability that an output's value does not come, per sample, [0, 1] */
 };
 
+/* Who hears whom, for methods whose nodes do not all hear each other. */
+struct scenario_graph {
+    unsigned nodes;  /* 1 .. */
+    unsigned *edges; /* from, to, from, to, ..: node indices from 0; `to` hears `from` */
+    unsigned edges_count;
+    bool undirected; /* each edge also the other way */
+};
+
+struct method_graph; /* methods/method.h */
+
 /* One set of estimators that talk to each other. Several networks in a scenario estimate from the
  * same measurements: that is how methods are compared fairly.
  *
@@ -144,7 +154,11 @@ struct scenario_network {
     char *set;     /* the estimators' own parameter set, NULL: the plant's */
     double *guess; /* the estimators' initial guess of the whole physical state */
     unsigned guess_count;
+    struct scenario_graph *graph;        /* NULL: the method's own */
     void *section[SCENARIO_MAX_METHODS]; /* exactly one is not NULL: that of the network's method */
+
+    /* Filled by the reader, not by YAML: */
+    struct method_graph *neighbours; /* of the graph; NULL: none given */
 };
 
 struct scenario_timeouts {

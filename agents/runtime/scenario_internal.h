@@ -127,6 +127,11 @@ struct scenario_linear_plant *scenario_linear_make(struct scenario_tree *tree, i
 /* linear may be NULL. */
 void scenario_linear_free(struct scenario_linear_plant *linear);
 const struct dse_plant *scenario_linear_process(const struct scenario_linear_plant *linear);
+/* network->neighbours from network->graph, scenario_graph.c; path: networks[i].graph. */
+bool scenario_graph_make(struct scenario_tree *tree, const char *path,
+                         struct scenario_network *network, struct error *error);
+/* graph may be NULL. */
+void scenario_graph_free(struct method_graph *graph);
 uint64_t scenario_hash(const struct scenario *scenario, const cyaml_schema_value_t *schema);
 
 /* A finite number, plainly written; false and what is wrong with it otherwise. */

@@ -172,8 +172,11 @@ static bool judge_section(struct judge *j, const char *path, const struct scenar
 static bool judge_network(struct judge *j, unsigned i)
 {
     char path[SCENARIO_PATH_SIZE], key[SCENARIO_PATH_SIZE + 16];
-    const struct scenario_network *network = &j->scenario->networks[i];
+    struct scenario_network *network = &j->scenario->networks[i];
     snprintf(path, sizeof path, "networks[%u]", i);
+    snprintf(key, sizeof key, "%s.graph", path);
+    if (!scenario_graph_make(j->tree, key, network, j->error))
+        return false;
     snprintf(key, sizeof key, "%s.name", path);
     if (!judge_name(j, key, network->name))
         return false;

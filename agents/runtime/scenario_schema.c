@@ -120,6 +120,12 @@ static const cyaml_schema_field_t noises_fields[] = {
     CYAML_FIELD_MAPPING("measurement", OPTIONAL, struct scenario_noises, measurement, noise_fields),
     CYAML_FIELD_FLOAT("missing", OPTIONAL, struct scenario_noises, missing), CYAML_FIELD_END};
 
+static const cyaml_schema_field_t graph_fields[] = {
+    CYAML_FIELD_UINT("nodes", CYAML_FLAG_DEFAULT, struct scenario_graph, nodes),
+    CYAML_FIELD_SEQUENCE("edges", CYAML_FLAG_POINTER, struct scenario_graph, edges, &whole_number,
+                         0, LONGEST_LIST),
+    CYAML_FIELD_BOOL("undirected", OPTIONAL, struct scenario_graph, undirected), CYAML_FIELD_END};
+
 static const cyaml_schema_field_t network_fields[] = {
     CYAML_FIELD_STRING_PTR("name", CYAML_FLAG_POINTER, struct scenario_network, name, 1, 31),
     CYAML_FIELD_STRING_PTR("title", OPTIONAL_POINTER, struct scenario_network, title, 1, 100),
@@ -127,7 +133,9 @@ static const cyaml_schema_field_t network_fields[] = {
                          LONGEST_LIST),
     CYAML_FIELD_STRING_PTR("set", OPTIONAL_POINTER, struct scenario_network, set, 1, 63),
     CYAML_FIELD_SEQUENCE("parameters", OPTIONAL_POINTER, struct scenario_network, parameters,
-                         &parameter, 0, DSE_PLANT_MAX_PARAMETERS)};
+                         &parameter, 0, DSE_PLANT_MAX_PARAMETERS),
+    CYAML_FIELD_MAPPING_PTR("graph", OPTIONAL_POINTER, struct scenario_network, graph,
+                            graph_fields)};
 
 static const cyaml_schema_field_t timeouts_fields[] = {
     CYAML_FIELD_FLOAT("repeat_s", OPTIONAL, struct scenario_timeouts, repeat_s),
@@ -348,6 +356,21 @@ const struct scenario_rule scenario_rules[] = {
      .meaning = "the estimators' own parameter values (model mismatch)"},
     {.key = "networks[].parameters[].name", SCENARIO_ANY, .meaning = "a parameter of the plant"},
     {.key = "networks[].parameters[].value", SCENARIO_ANY, .meaning = "in the parameter's unit"},
+    {.key = "networks[].graph",
+     SCENARIO_ANY,
+     .absent = "the method's",
+     .meaning = "who hears whom, for methods that are made for it"},
+    {.key = "networks[].graph.nodes",
+     .min = 1,
+     .max = METHOD_MAX_NODES,
+     .meaning = "number of nodes"},
+    {.key = "networks[].graph.edges",
+     SCENARIO_ANY,
+     .meaning = "from, to, from, to, ..: nodes counted from 0; 'to' hears 'from'"},
+    {.key = "networks[].graph.undirected",
+     SCENARIO_ANY,
+     .absent = "no",
+     .meaning = "each edge is meant both ways"},
     {.key = "timeouts", SCENARIO_ANY, .absent = "0.05, 20", .meaning = "of a run over the network"},
     {.key = "timeouts.repeat_s",
      SCENARIO_ABOVE(0),
