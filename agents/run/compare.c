@@ -14,10 +14,8 @@ static void compare_part(struct compare *compare, const dse_estimate_t *message)
     const struct recorded_estimates *estimates =
         recorded_estimates_of(recorded, message->header.network, message->header.node);
     int64_t k = message->header.sample;
-    if (estimates == NULL || k < 0 || k >= recorded->info.samples) {
-        compare->without_record++;
+    if (estimates == NULL || k < 0 || k >= recorded->info.samples)
         return;
-    }
     struct compare_node *node = &compare->nodes[estimates - recorded->estimates];
     int offset = message->part * DSE_ESTIMATE_T_CAPACITY;
     if (estimates->have[k] == 0 || offset + message->count > estimates->n_states) {

@@ -16,7 +16,6 @@ struct compare_node {
 struct compare {
     const struct recorded *recorded;
     struct compare_node *nodes; /* one per recorded->estimates */
-    int64_t without_record;
 };
 
 /* NULL and an error text on failure. Frees nothing of `recorded`. */

@@ -38,7 +38,6 @@ struct member {
 
 struct clock {
     struct clock_config config;
-    struct bus *bus;
     struct sender sender;
     struct announcement announcement; /* the plant's run_info */
     struct message_counters counters;
@@ -60,7 +59,6 @@ struct clock {
     double repeated;
     double began;     /* joining, stopping: when it began; realtime: when sample 0 was due */
     int64_t recorded; /* newest sample that the recorder has received, -1 */
-    int64_t late;     /* realtime: nodes that were not done when the next sample was due */
 };
 
 static double repeat_s(const struct clock *clock)
@@ -376,7 +374,6 @@ static double poll_realtime(struct clock *clock, double now)
     if (last && count_undone(clock) == 0)
         due = now;
     if (now >= due) {
-        clock->late += count_undone(clock);
         next_sample(clock);
         return now;
     }
@@ -454,7 +451,6 @@ bool clock_create(const struct clock_config *config, struct bus *bus, struct age
         return error_set(error, "out of memory");
     }
     clock->config = *config;
-    clock->bus = bus;
     clock->k = -1;
     clock->recorded = -1;
     clock->began = host_now();

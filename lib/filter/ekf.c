@@ -29,34 +29,12 @@ static bool is_diagonal(int n, const dse_real *M)
     return true;
 }
 
-/* Both triangles agree but for rounding: half of the digits, relative to the variances. */
-static bool is_symmetric(int n, const dse_real *M)
-{
-    for (int i = 0; i < n; i++) {
-        for (int j = 0; j < i; j++) {
-            const dse_real a = M[i * n + j], b = M[j * n + i];
-            const dse_real size = dse_sqrt(dse_abs(M[i * n + i])) * dse_sqrt(dse_abs(M[j * n + j]));
-            if (dse_abs(a - b) > dse_sqrt(DSE_REAL_EPSILON) * size)
-                return false;
-        }
-    }
-    return true;
-}
-
-/* A covariance of the configuration: finite (DSE_ENONFINITE) and symmetric (DSE_EINVAL). */
-static enum dse_status check_covariance(int n, const dse_real *M)
-{
-    if (!dse_all_finite(M, n * n))
-        return DSE_ENONFINITE;
-    return is_symmetric(n, M) ? DSE_OK : DSE_EINVAL;
-}
-
 /* R = L L', and Q >= 0, which predict reads itself. */
 static enum dse_status prepare_noise(struct dse_ekf *ekf)
 {
     const struct dse_ekf_config *config = ekf->config;
     if (ekf->ny > 0) {
-        enum dse_status status = check_covariance(ekf->ny, config->R);
+        enum dse_status status = dse_sym_check(ekf->ny, config->R);
         if (status == DSE_OK)
             status = dse_cholesky(ekf->ny, config->R, ekf->R_factor);
         if (status != DSE_OK)
@@ -65,7 +43,7 @@ static enum dse_status prepare_noise(struct dse_ekf *ekf)
     }
     if (!config->Q)
         return DSE_OK;
-    const enum dse_status status = check_covariance(ekf->nx, config->Q);
+    const enum dse_status status = dse_sym_check(ekf->nx, config->Q);
     if (status != DSE_OK)
         return status;
     return dse_factored_from(ekf->nx, config->Q, ekf->T, ekf->d, ekf->scratch);
@@ -112,7 +90,7 @@ enum dse_status dse_ekf_init(struct dse_ekf *ekf, const struct dse_ekf_config *c
 
     status = prepare_noise(ekf);
     if (status == DSE_OK)
-        status = check_covariance(nx, config->P0);
+        status = dse_sym_check(nx, config->P0);
     if (status != DSE_OK)
         return status;
     for (int j = 0; j < ny; j++)

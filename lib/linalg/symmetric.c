@@ -2,6 +2,7 @@
  * for bit. */
 #include "combine_internal.h"
 #include "dse/linalg.h"
+#include "dse/math.h"
 
 static void mirror_upper(int n, dse_real *S)
 {
@@ -58,4 +59,18 @@ void dse_sym_enforce(int n, dse_real *S)
             S[j * n + i] = mean;
         }
     }
+}
+
+enum dse_status dse_sym_check(int n, const dse_real *S)
+{
+    if (!dse_all_finite(S, n * n))
+        return DSE_ENONFINITE;
+    for (int i = 0; i < n; i++) {
+        for (int j = 0; j < i; j++) {
+            const dse_real size = dse_sqrt(dse_abs(S[i * n + i])) * dse_sqrt(dse_abs(S[j * n + j]));
+            if (dse_abs(S[i * n + j] - S[j * n + i]) > dse_sqrt(DSE_REAL_EPSILON) * size)
+                return DSE_EINVAL;
+        }
+    }
+    return DSE_OK;
 }

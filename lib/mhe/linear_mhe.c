@@ -32,22 +32,6 @@ static enum dse_status check_config(const struct dse_linear_mhe_config *config)
     return DSE_OK;
 }
 
-/* Finite (DSE_ENONFINITE), and symmetric but for rounding: half of the digits, relative to the
- * variances (DSE_EINVAL). */
-static enum dse_status check_covariance(int n, const dse_real *M)
-{
-    if (!dse_all_finite(M, n * n))
-        return DSE_ENONFINITE;
-    for (int i = 0; i < n; i++) {
-        for (int j = 0; j < i; j++) {
-            const dse_real size = dse_sqrt(dse_abs(M[i * n + i])) * dse_sqrt(dse_abs(M[j * n + j]));
-            if (dse_abs(M[i * n + j] - M[j * n + i]) > dse_sqrt(DSE_REAL_EPSILON) * size)
-                return DSE_EINVAL;
-        }
-    }
-    return DSE_OK;
-}
-
 static void take_memory(struct dse_linear_mhe *mhe, struct dse_arena *arena)
 {
     const int nx = mhe->nx, ny = mhe->ny, N = mhe->N;
@@ -86,7 +70,7 @@ static enum dse_status prepare_noise(struct dse_linear_mhe *mhe)
 {
     const struct dse_linear_mhe_config *config = mhe->config;
     const int nx = mhe->nx, ny = mhe->ny;
-    enum dse_status status = check_covariance(ny, config->R);
+    enum dse_status status = dse_sym_check(ny, config->R);
     if (status == DSE_OK)
         status = dse_cholesky(ny, config->R, mhe->L);
     if (status != DSE_OK)
@@ -100,7 +84,7 @@ static enum dse_status prepare_noise(struct dse_linear_mhe *mhe)
     mhe->Q_diagonal = true;
     if (!config->Q)
         return DSE_OK;
-    status = check_covariance(nx, config->Q);
+    status = dse_sym_check(nx, config->Q);
     dse_real *Y = mhe->scratch, *d = Y + nx * nx;
     if (status == DSE_OK)
         status = dse_semidefinite_rows(nx, nx, config->Q, Y, d);
@@ -128,7 +112,7 @@ static enum dse_status prepare_arrival(struct dse_linear_mhe *mhe)
     }
     if (config->arrival == DSE_ARRIVAL_NONE)
         return DSE_OK;
-    enum dse_status status = check_covariance(nx, config->P0);
+    enum dse_status status = dse_sym_check(nx, config->P0);
     if (status == DSE_OK)
         status = dse_factored_from(nx, config->P0, mhe->prior_T, mhe->prior_d, mhe->scratch);
     if (status == DSE_OK)

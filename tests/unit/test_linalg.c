@@ -1,5 +1,6 @@
 /* Dense kernels against their defining residuals over sizes 1 .. 30. Tolerances are multiples of
  * the unit roundoff, the size and the norms involved, so that they hold for double and float. */
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -433,9 +434,23 @@ static void lq_gives_the_positive_square_root_of_the_gram_matrix(void **state)
     assert_below(dse_abs(L[2] - 2 * L[0]), 16 * EPS);
 }
 
+static void covariance_check_tells_nonfinite_and_unequal_triangles_apart(void **state)
+{
+    (void)state;
+    const dse_real fine[] = {4, 1, 1, 9};
+    const dse_real rounded[] = {4, 1, 1 + 4 * DSE_REAL_EPSILON, 9};
+    const dse_real lopsided[] = {4, 1, DSE_REAL(1.1), 9};
+    const dse_real broken[] = {4, DSE_REAL(NAN), 1, 9};
+    assert_int_equal(dse_sym_check(2, fine), DSE_OK);
+    assert_int_equal(dse_sym_check(2, rounded), DSE_OK);
+    assert_int_equal(dse_sym_check(2, lopsided), DSE_EINVAL);
+    assert_int_equal(dse_sym_check(2, broken), DSE_ENONFINITE);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(covariance_check_tells_nonfinite_and_unequal_triangles_apart),
         cmocka_unit_test(products_equal_the_definition),
         cmocka_unit_test(transpose_and_identity_place_every_entry),
         cmocka_unit_test(axpy_and_dot_use_every_element),

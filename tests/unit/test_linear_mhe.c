@@ -13,6 +13,8 @@
 #include "dse/linalg.h"
 #include "dse/linear_mhe.h"
 #include "dse/math.h"
+#include "near.h"
+#include "random_matrix.h"
 
 #define NX_MAX 8
 #define NY_MAX 3
@@ -27,14 +29,6 @@
 static dse_real memory[DSE_LINEAR_MHE_STORAGE(NX_MAX, NY_MAX, N_MAX)];
 static dse_real kalman_memory[DSE_KALMAN_STORAGE(NX_MAX, NY_MAX)];
 
-static uint64_t seed;
-
-static dse_real uniform(void)
-{
-    seed = seed * 6364136223846793005u + 1442695040888963407u;
-    return (dse_real)((double)(seed >> 11) / 4503599627370496.0 - 1.0);
-}
-
 /* 0 .. n - 1. */
 static int choose(int n)
 {
@@ -42,37 +36,23 @@ static int choose(int n)
     return k < n ? k : n - 1;
 }
 
-static void fill(int n, int count, dse_real scale, dse_real *M)
+static void fill_by(int n, int count, dse_real scale, dse_real *M)
 {
+    fill_scaled(n, count, M);
     for (int i = 0; i < count; i++)
-        M[i] = scale * uniform() / (dse_real)sqrt((double)n);
+        M[i] *= scale;
 }
 
 /* M = G' G / 4 + floor I with G rank x n. */
 static void fill_semidefinite(int n, int rank, dse_real floor, dse_real *M)
 {
     dse_real G[NX_MAX * NX_MAX];
-    fill(n, rank * n, 1, G);
+    fill_by(n, rank * n, 1, G);
     for (int i = 0; i < n; i++) {
         for (int j = 0; j < n; j++) {
             M[i * n + j] = i == j ? floor : 0;
             for (int p = 0; p < rank; p++)
                 M[i * n + j] += G[p * n + i] * G[p * n + j];
-        }
-    }
-}
-
-/* Relative to the size of what is compared. */
-static void assert_agree(int n, const dse_real *a, const dse_real *b, dse_real tolerance)
-{
-    dse_real size = 0;
-    for (int i = 0; i < n; i++)
-        size = dse_max(size, dse_abs(b[i]));
-    for (int i = 0; i < n; i++) {
-        if (!(dse_abs(a[i] - b[i]) <= tolerance * size)) {
-            print_error("entry %d: %.17g and %.17g differ by more than %g\n", i, (double)a[i],
-                        (double)b[i], (double)(tolerance * size));
-            fail();
         }
     }
 }
@@ -88,14 +68,14 @@ static void random_system(struct system *s, int nx, int ny, int noise_rank, int 
                           dse_real scale)
 {
     *s = (struct system){.nx = nx, .ny = ny};
-    fill(nx, nx * nx, scale, s->A);
-    fill(1, nx, 1, s->B);
-    fill(1, ny * nx, 1, s->C);
-    fill(1, ny, 1, s->D);
+    fill_by(nx, nx * nx, scale, s->A);
+    fill_by(1, nx, 1, s->B);
+    fill_by(1, ny * nx, 1, s->C);
+    fill_by(1, ny, 1, s->D);
     fill_semidefinite(nx, noise_rank, noise_rank == nx ? DSE_REAL(0.01) : 0, s->Q);
     fill_semidefinite(ny, ny, DSE_REAL(0.1), s->R);
     fill_semidefinite(nx, prior_rank, prior_rank == nx ? 1 : 0, s->P0);
-    fill(1, nx, 1, s->x0);
+    fill_by(1, nx, 1, s->x0);
 }
 
 static struct dse_linear_mhe_config config_of(const struct system *s, int N,
@@ -199,7 +179,7 @@ static void step(struct dse_linear_mhe *mhe, const struct data *data, int k)
 static void equals_the_kalman_filter_on_a_thousand_random_systems(void **state)
 {
     (void)state;
-    seed = 1;
+    random_state = 1;
     for (int trial = 0; trial < 1000; trial++) {
         const int nx = 1 + trial % NX_MAX, ny = 1 + choose(NY_MAX), N = 1 + choose(N_MAX);
         const int noise_rank = trial % 3 == 0 ? nx : choose(nx + 1);
@@ -230,7 +210,7 @@ static void late_values_count_as_if_they_had_come_in_time(void **state)
 {
     (void)state;
     enum { N = 5, LATE = N - 1 };
-    seed = 2;
+    random_state = 2;
     for (int nx = 1; nx <= NX_MAX; nx++) {
         struct system s;
         struct data data, delayed;
@@ -330,7 +310,7 @@ static void dense_window(const struct system *s, const struct data *data, int fi
 static void the_whole_window_equals_dense_least_squares(void **state)
 {
     (void)state;
-    seed = 3;
+    random_state = 3;
     for (int trial = 0; trial < 60; trial++) {
         const int nx = 1 + trial % 5, ny = 1 + choose(NY_MAX), N = 2 + choose(N_MAX - 1);
         const bool none = trial % 2 == 0;
@@ -382,7 +362,7 @@ static void samples_without_a_solution_leave_a_predicted_arrival_cost(void **sta
 {
     (void)state;
     enum { nx = 3, N = 3, LAST = 9 };
-    seed = 14;
+    random_state = 14;
     struct system s;
     struct data data;
     struct dse_linear_mhe mhe;
@@ -414,7 +394,7 @@ static void covariance_without_arrival_cost_is_the_corner_of_the_inverse_hessian
 {
     (void)state;
     enum { nx = 2, H = 4, n = nx * H };
-    seed = 4;
+    random_state = 4;
     struct system s;
     struct data data;
     struct dse_linear_mhe mhe;
@@ -459,7 +439,7 @@ static void covariance_without_arrival_cost_is_the_corner_of_the_inverse_hessian
 static void certificate_is_small_at_the_solution_and_large_beside_it(void **state)
 {
     (void)state;
-    seed = 5;
+    random_state = 5;
     for (int trial = 0; trial < 90; trial++) {
         const enum dse_arrival arrival = (enum dse_arrival)(trial % 3);
         const int nx = 1 + trial % 6, N = 6;
@@ -494,7 +474,7 @@ static void errors_of_the_factors_are_corrected_by_the_residual(void **state)
     (void)state;
     enum { nx = 4, N = 6 };
     for (int trial = 0; trial < 3; trial++) {
-        seed = 13;
+        random_state = 13;
         struct system s;
         struct data data;
         struct dse_linear_mhe mhe;
@@ -520,7 +500,7 @@ static void errors_of_the_factors_are_corrected_by_the_residual(void **state)
 static void a_solution_above_the_tolerance_is_refused_and_the_estimate_kept(void **state)
 {
     (void)state;
-    seed = 6;
+    random_state = 6;
     struct system s;
     struct data data;
     struct dse_linear_mhe mhe;
@@ -555,7 +535,7 @@ static void short_windows_without_arrival_cost_are_predicted_from_x0(void **stat
 {
     (void)state;
     enum { nx = 3, N = 6 };
-    seed = 7;
+    random_state = 7;
     struct system s;
     struct data data;
     struct dse_linear_mhe mhe;
@@ -593,7 +573,7 @@ static void short_windows_without_arrival_cost_are_predicted_from_x0(void **stat
 static void a_gap_that_is_filled_leaves_no_trace(void **state)
 {
     (void)state;
-    seed = 8;
+    random_state = 8;
     static dse_real other_memory[DSE_LINEAR_MHE_STORAGE(5, 2, 6)];
     struct system s;
     struct data data, gappy;
@@ -626,7 +606,7 @@ static void missing_values_are_counted_and_told_apart(void **state)
 {
     (void)state;
     enum { nx = 2, ny = 3, N = 3 };
-    seed = 9;
+    random_state = 9;
     struct system s;
     struct dse_linear_mhe mhe;
     random_system(&s, nx, ny, nx, nx, 1);
@@ -664,7 +644,7 @@ static void a_value_that_comes_again_replaces_the_earlier_one(void **state)
 {
     (void)state;
     enum { nx = 3, N = 4 };
-    seed = 10;
+    random_state = 10;
     struct system s;
     struct data data;
     struct filtered expected;
@@ -733,7 +713,7 @@ static void a_hidden_state_is_not_taken_for_an_observed_one(void **state)
 {
     (void)state;
     enum { nx = 3 };
-    seed = 15;
+    random_state = 15;
     for (int trial = 0; trial < 100; trial++) {
         dse_real T[9], copy[9], inverse[9], A[9], C[3], part[9];
         const dse_real modes[9] = {DSE_REAL(0.5), 1, 0, 0, DSE_REAL(0.7), 0, 0, 0, DSE_REAL(0.9)};
@@ -789,7 +769,7 @@ static void overflow_is_reported_and_the_estimate_kept(void **state)
 static void impossible_configurations_are_refused_with_their_own_code(void **state)
 {
     (void)state;
-    seed = 11;
+    random_state = 11;
     struct system s;
     random_system(&s, 3, 2, 3, 3, 1);
     const struct dse_linear_mhe_config good = config_of(&s, 4, DSE_ARRIVAL_KALMAN);
@@ -842,7 +822,7 @@ static void impossible_configurations_are_refused_with_their_own_code(void **sta
 static void storage_constant_is_what_init_takes(void **state)
 {
     (void)state;
-    seed = 12;
+    random_state = 12;
     for (int nx = 1; nx <= NX_MAX; nx += 3) {
         for (int ny = 1; ny <= NY_MAX; ny++) {
             struct system s;

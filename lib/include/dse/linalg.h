@@ -41,6 +41,9 @@ void dse_sym_congruence(int m, int n, const dse_real *A, const dse_real *P, cons
 void dse_sym_rank1(int n, dse_real a, const dse_real *v, dse_real *S);
 /* S = (S + S') / 2. */
 void dse_sym_enforce(int n, dse_real *S);
+/* Whether S can be a covariance as far as a look tells: finite (DSE_ENONFINITE) and with triangles
+ * that agree but for rounding, half of the digits relative to the variances (DSE_EINVAL). */
+enum dse_status dse_sym_check(int n, const dse_real *S);
 
 /* ---- factorisations and solves (lib/linalg/cholesky.c, ldl.c, lu.c, qr.c) ---- */
 
