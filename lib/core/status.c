@@ -46,6 +46,8 @@ const char *dse_health_text(enum dse_health health)
         return "diverged";
     case DSE_HEALTH_UNOBSERVABLE:
         return "unobservable";
+    case DSE_HEALTH_ALONE:
+        return "alone";
     }
     return "unknown health";
 }

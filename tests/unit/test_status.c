@@ -45,7 +45,7 @@ static void every_status_has_its_own_line(void **state)
 static void every_health_has_its_own_name(void **state)
 {
     (void)state;
-    check_texts(text_of_health, DSE_HEALTH_INITIALISING, DSE_HEALTH_UNOBSERVABLE, "unknown health");
+    check_texts(text_of_health, DSE_HEALTH_INITIALISING, DSE_HEALTH_ALONE, "unknown health");
     assert_string_equal(dse_health_text(DSE_HEALTH_TRACKING), "tracking");
 }
 

@@ -22,7 +22,7 @@ TRUTH = "#111111"
 PALETTE = (
     *("#d1495b", "#1f78b4", "#e69f00", "#00876c", "#8e5ea2", "#56b4e9", "#8c564b", "#7a7a7a"),
 )
-HEALTH_COLOURS = ("#9aa5b1", "#4c9f70", "#e9b949", "#e07b39", "#b3261e", "#7b5ea7")
+HEALTH_COLOURS = ("#9aa5b1", "#4c9f70", "#e9b949", "#e07b39", "#b3261e", "#7b5ea7", "#3b6ea5")
 STYLE: dict[Any, Any] = {
     "font.family": "sans-serif",
     "font.sans-serif": ["Inter", "Helvetica Neue", "Arial", "Liberation Sans", "DejaVu Sans"],

@@ -17,7 +17,15 @@ from dse.events import EventLog
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-HEALTH = ("initialising", "tracking", "coasting", "rejecting", "diverged", "unobservable")
+HEALTH = (
+    "initialising",
+    "tracking",
+    "coasting",
+    "rejecting",
+    "diverged",
+    "unobservable",
+    "alone",
+)
 """Names of estimate_t.health, as in lib/include/dse/health.h."""
 TRACKING = HEALTH.index("tracking")
 
