@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dse.agreement import Agreement, agreement
+from dse.communication import Communication, communication
 from dse.metrics import (
     LATE,
     NAN,
@@ -37,6 +39,11 @@ DEFINITIONS = {
     "messages, bytes": "exchange payloads as the node counted them (done_t), 8 bytes a value",
     "exchange": "the same counted from the log, with repeats, withheld and encoded bytes",
     "step_s": "time in the method's own code per sample, in seconds",
+    "agreement": "where all N nodes estimate the same states, in the states' units: node-average "
+    "error (1/N) (sum |e_i|^2)^(1/2) and disagreement (sum |x_i - mean x|^2)^(1/2), integrals over "
+    "the run and means over its late part, and the L2 norm (integral of sum |e_i|^2)^(1/2)",
+    "communication": "per sample: frames of a model of one frame per link, 7 bytes and 4 per "
+    "value, beside messages, payload and encoded bytes as the log has them",
 }
 """What the numbers mean: printed by `dse report --help` and in the report."""
 
@@ -122,6 +129,9 @@ class NetworkMetrics:
     relative_norm: dict[str, float]
     messages: int
     bytes: int
+    agreement: Agreement | None
+    """None where the nodes estimate different states, or there is only one."""
+    communication: Communication
     nodes: list[NodeMetrics]
 
 
@@ -341,6 +351,8 @@ def _network(
         },
         messages=sum(node.messages for node in nodes),
         bytes=sum(node.bytes for node in nodes),
+        agreement=agreement(run, network, part),
+        communication=communication(network),
         nodes=nodes,
     )
 

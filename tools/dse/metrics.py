@@ -95,3 +95,33 @@ def errors(truth: Series, estimates: Estimates, states: Sequence[int]) -> tuple[
     with np.errstate(invalid="ignore"):
         error = estimates.value[mine] - truth.value[true][:, list(states)]
     return common, np.where(np.isfinite(estimates.value[mine]), error, np.inf)
+
+
+# ---- several nodes that estimate the same states; N nodes ----
+
+
+def aggregate_error(error: Floats) -> Floats:
+    """|e| = (sum_i e_i'e_i)^(1/2) per sample. error: (N, K, n); result: (K,)."""
+    result: Floats = np.sqrt(np.sum(error**2, axis=(0, 2)))
+    return result
+
+
+def node_average_error(error: Floats) -> Floats:
+    """(1/N) (sum_i e_i'e_i)^(1/2) per sample. error: (N, K, n); result: (K,)."""
+    result: Floats = aggregate_error(error) / len(error)
+    return result
+
+
+def disagreement(value: Floats) -> Floats:
+    """(sum_i |x_i - mean_j x_j|^2)^(1/2) per sample. value: (N, K, n), estimates; result: (K,)."""
+    return aggregate_error(value - value.mean(axis=0))
+
+
+def integral(time: Floats, value: Floats) -> float:
+    """Integral over the run by the trapezoidal rule. time, value: (K,)."""
+    return float(np.trapezoid(value, time)) if len(time) else NAN
+
+
+def l2_norm(time: Floats, error: Floats) -> float:
+    """(integral of sum_i e_i'e_i dt)^(1/2), trapezoidal. time: (K,); error: (N, K, n)."""
+    return math.sqrt(integral(time, np.sum(error**2, axis=(0, 2)))) if len(time) else NAN

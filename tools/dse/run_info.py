@@ -36,6 +36,7 @@ _FORM: dict[str, Any] = {
         "states": [int],
         "groups": [int],
         "neighbours": [int],
+        "frames": [[int]],
         "diagnostics": [{"name": str, "unit": str}],
         "storage_bytes": int,
         "source_run": int,

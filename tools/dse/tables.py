@@ -51,6 +51,9 @@ def report(run: Run, metrics: Metrics, all_nodes: bool = False) -> Iterator[Tabl
     nodes = sum(len(network.nodes) for network in metrics.networks.values())
     if nodes > len(metrics.networks) and (nodes <= 16 or all_nodes):
         yield accuracy_by_node(run, metrics)
+    if together := agreement_table(run, metrics):
+        yield together
+    yield communication_table(metrics)
     yield cost(metrics)
     if diagnostics := diagnostic_table(metrics):
         yield diagnostics
@@ -115,6 +118,39 @@ def norms(metrics: Metrics) -> Table:
         norm = m.error_norm
         values = (norm.rms, norm.late, norm.max, norm.final, *m.relative_norm.values())
         made.add_row(name, m.method, *map(number, values))
+    return made
+
+
+def agreement_table(run: Run, metrics: Metrics) -> Table | None:
+    """How well nodes that estimate the same states do together; None where there are none."""
+    made = table(
+        f"Nodes together (integrals over time in {run.time_unit or 'plant time'})",
+        *("network", "nodes", "int node-average error", "late"),
+        *("int disagreement", "late", "final", "L2 norm of all errors"),
+    )
+    for name, network in metrics.networks.items():
+        if (m := network.agreement) is not None:
+            errors = map(number, (m.error_integral, m.late_error))
+            apart = (m.disagreement_integral, m.late_disagreement, m.final_disagreement)
+            made.add_row(name, str(m.nodes), *errors, *map(number, apart), number(m.l2_norm))
+    return made if made.row_count else None
+
+
+def communication_table(metrics: Metrics) -> Table:
+    """Frames of the model beside what the log shows."""
+    made = table(
+        "Communication per sample (model: a frame per link, 7 bytes and 4 per value)",
+        *("network", "links", "frames", "frame bytes"),
+        *("messages", "payload bytes", "bytes in the log"),
+    )
+    for name, network in metrics.networks.items():
+        m = network.communication
+        made.add_row(
+            name,
+            str(m.links),
+            *("-" if count is None else str(count) for count in (m.frames, m.frame_bytes)),
+            *map(number, (m.messages, m.payload_bytes, m.wire_bytes)),
+        )
     return made
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from dse.agreement import agreement
 from dse.design.flowchart import roughness
 from dse.design.sweep import Case, settings
 from dse.errors import UserError, unknown
@@ -37,8 +38,19 @@ KINDS = {
     "first": "first time at which the absolute error is below BAND, as in first:T1=2; inf: never",
     "U": "sum over states and exchange instants of G error^2, G from --weight, 1 where none fits",
     "sent": "states that the network's filters have sent to their neighbours",
+    "IE": "integral of the node-average error (dse report), where all nodes estimate the same",
+    "ID": "integral of the disagreement of such nodes",
+    "L2": "L2 norm of all errors of such nodes",
+    "steady": "mean of their node-average error over the late part of the run",
     "high": "part of the samples with theta above half of its largest value in the run",
 }
+TOGETHER = {
+    "IE": "error_integral",
+    "ID": "disagreement_integral",
+    "L2": "l2_norm",
+    "steady": "late_error",
+}
+"""Kinds that belong to nodes with the same states: members of Agreement."""
 PER_STATE = ("rmse", "late", "max", "settling", "noise", "first", "U")
 """Kinds that may be asked for one state: NAME:STATE."""
 
@@ -73,6 +85,8 @@ class Metric:
         """For heads and axes, with the unit."""
         if self.kind in ("sent", "high"):
             return {"sent": "states sent", "high": "theta high"}[self.kind]
+        if self.kind in TOGETHER:
+            return self.kind
         if self.kind in ("settling", "first"):
             unit = run.time_unit
         elif self.state is None:
@@ -101,6 +115,13 @@ def _one(
 ) -> float:
     if metric.kind == "sent":
         return sent(network)
+    if metric.kind in TOGETHER:
+        if (together := agreement(run, network, part)) is None:
+            raise UserError(
+                f"--metric {metric.kind}: the nodes of {network.name} are not several "
+                "that estimate the same states"
+            )
+        return float(getattr(together, TOGETHER[metric.kind]))
     if metric.kind == "high":
         theta = _diagnostic(network, "theta")
         return float(np.mean(theta > 0.5 * theta.max()))

@@ -5,7 +5,20 @@ import math
 import numpy as np
 import pytest
 
-from dse.metrics import error_norm, late, max_error, nees, rmse, settling_band, settling_time
+from dse.metrics import (
+    aggregate_error,
+    disagreement,
+    error_norm,
+    integral,
+    l2_norm,
+    late,
+    max_error,
+    nees,
+    node_average_error,
+    rmse,
+    settling_band,
+    settling_time,
+)
 
 TIME = np.linspace(0, 2, 2001)
 
@@ -82,3 +95,27 @@ def test_error_norm_is_the_mean_over_scaled_states() -> None:
     np.testing.assert_allclose(error_norm(error, np.array([1.0, 2.0])), [math.sqrt(12.5), 0])
     # A state without scale does not take part.
     np.testing.assert_allclose(error_norm(error, np.array([1.0, math.nan])), [3, 0])
+
+
+# ---- nodes together ----
+
+
+def test_node_average_error_and_aggregate_of_known_errors() -> None:
+    """Three nodes, two states: each node's error is (3, 4), of length 5."""
+    error = np.broadcast_to([3.0, 4.0], (3, 5, 2))
+    np.testing.assert_allclose(aggregate_error(error), 5 * math.sqrt(3))
+    np.testing.assert_allclose(node_average_error(error), 5 / math.sqrt(3))
+
+
+def test_disagreement_does_not_see_a_common_error() -> None:
+    value = np.array([[[1.0], [7.0]], [[-1.0], [7.0]]])
+    np.testing.assert_allclose(disagreement(value), [math.sqrt(2), 0])
+    np.testing.assert_allclose(disagreement(value + 100), disagreement(value))
+
+
+def test_l2_norm_of_a_decaying_error_has_its_closed_form() -> None:
+    """sum_i e_i^2 integrated: (4 + 9) (1 - exp(-2 T)) / 2."""
+    error = np.array([2.0, -3.0])[:, None, None] * np.exp(-TIME)[:, None]
+    assert l2_norm(TIME, error) == pytest.approx(math.sqrt(13 * (1 - math.exp(-4)) / 2), rel=1e-6)
+    assert integral(TIME, TIME) == pytest.approx(2.0)
+    assert math.isnan(l2_norm(TIME[:0], error[:, :0]))

@@ -25,11 +25,16 @@ JSON: one object with the members
   run                     run_id, scenario, title, source, overrides, seed, version, pace, plant,
                           time_unit, period, samples, samples_in_log, ended
   late_fraction           see late_rmse
-  networks.NAME           index, method, states, error_norm, relative_norm, messages, bytes, nodes
+  networks.NAME           index, method, states, error_norm, relative_norm, messages, bytes,
+                          agreement, communication, nodes
     states.NAME           unit, rmse, late_rmse, max_error, settling_time, initial_error,
                           final_error, nees, band; of several nodes' errors the root mean square
     error_norm            rms, late, max, final
     relative_norm         mean, max
+    agreement             nodes, samples, error_integral, late_error, disagreement_integral,
+                          late_disagreement, final_disagreement, l2_norm; null unless all nodes
+                          estimate the same states
+    communication         links, frames, frame_bytes, messages, payload_bytes, wire_bytes
     nodes[]               node, name, method, estimates, missing, nonfinite, health, states,
                           error_norm, messages, bytes, rounds, step_s, exchange, diagnostics,
                           storage_bytes, status
