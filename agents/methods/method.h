@@ -30,11 +30,18 @@
 
 #define METHOD_MESSAGE_CAPACITY     2048 /* values of a node's message in one round: 64 parts */
 #define METHOD_MAX_NODES            1024 /* nodes of a network */
+#define METHOD_MAX_FRAMES           (2 * METHOD_MAX_NODES)
 #define METHOD_DIAGNOSTICS_CAPACITY 16
 
 struct method_signal {
     char name[32];
     char unit[32];
+};
+
+/* A message of a neighbour and how many of its values are meant for this node. */
+struct method_frame {
+    int from;
+    int values;
 };
 
 /* What a node is; filled by create. */
@@ -51,6 +58,11 @@ struct method_info {
     int n_diagnostics;
     struct method_signal diagnostics[METHOD_DIAGNOSTICS_CAPACITY];
     int64_t storage_bytes; /* memory of the libdse object */
+    /* What it takes from whom in an ordinary sample, message by message; none: not told. For what
+     * communication would cost over links that carry one receiver's values each: on the bus a
+     * message is said once for all who listen. */
+    int n_frames;
+    struct method_frame frames[METHOD_MAX_FRAMES];
 };
 
 struct method_sample {

@@ -150,14 +150,18 @@ char *run_info_node(const struct scenario *scenario, int network, int node,
         json_array_append_new(diagnostics,
                               json_pack("{s:s, s:s}", "name", info->diagnostics[i].name, "unit",
                                         info->diagnostics[i].unit));
+    json_t *frames = json_array();
+    for (int i = 0; i < info->n_frames; i++)
+        json_array_append_new(frames,
+                              json_pack("[i, i]", info->frames[i].from, info->frames[i].values));
     json_t *object = json_pack(
-        "{s:s, s:i, s:s, s:i, s:s, s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:I, s:I}", "kind", "node",
-        "network", network, "network_name", scenario->networks[network].name, "node", node, "name",
-        info->name, "method", method->name, "method_title", method->title, "states",
+        "{s:s, s:i, s:s, s:i, s:s, s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:I, s:I}", "kind",
+        "node", "network", network, "network_name", scenario->networks[network].name, "node", node,
+        "name", info->name, "method", method->name, "method_title", method->title, "states",
         indices(info->states, info->n_states), "groups", indices(info->groups, info->n_groups),
         "neighbours", indices(info->neighbours, info->n_neighbours), "listeners",
-        indices(info->listeners, info->n_listeners), "diagnostics", diagnostics, "storage_bytes",
-        (json_int_t)info->storage_bytes, "source_run", (json_int_t)source_run);
+        indices(info->listeners, info->n_listeners), "frames", frames, "diagnostics", diagnostics,
+        "storage_bytes", (json_int_t)info->storage_bytes, "source_run", (json_int_t)source_run);
     char *text = json_dumps(object, JSON_COMPACT | JSON_REAL_PRECISION(17));
     json_decref(object);
     return text;
