@@ -3,6 +3,7 @@
 #define DSE_DSE_H
 
 #include "dse/arena.h"
+#include "dse/distributed_observer.h"
 #include "dse/ekf.h"
 #include "dse/factored.h"
 #include "dse/health.h"
