@@ -27,6 +27,8 @@ const char *dse_status_text(enum dse_status status)
         return "there is no valid data to work on";
     case DSE_EFORMAT:
         return "a message does not have the expected form";
+    case DSE_EINFEASIBLE:
+        return "no point satisfies all constraints";
     }
     return "unknown status";
 }

@@ -2,6 +2,7 @@
 #ifndef DSE_DSE_H
 #define DSE_DSE_H
 
+#include "dse/active_set.h"
 #include "dse/arena.h"
 #include "dse/distributed_observer.h"
 #include "dse/ekf.h"
@@ -20,6 +21,7 @@
 #include "dse/random.h"
 #include "dse/real.h"
 #include "dse/status.h"
+#include "dse/window_qp.h"
 #include "dse/wire.h"
 
 #endif
