@@ -30,7 +30,7 @@ struct sim_driver {
 static bool finite_signal(const struct sim_signal *signal)
 {
     bool finite = dse_is_finite(signal->value) && dse_is_finite(signal->amplitude) &&
-                  dse_is_finite(signal->omega);
+                  dse_is_finite(signal->omega) && dse_is_finite(signal->phase);
     for (int i = 0; i < signal->n_steps; i++)
         finite = finite && dse_is_finite(signal->steps[i].value);
     return finite;

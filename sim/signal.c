@@ -55,7 +55,7 @@ double sim_signal_at_sample(struct sim_signal_source *source, int64_t k, double 
 
 double sim_signal_sinusoid(const struct sim_signal *signal, double t, double *rate)
 {
-    double phase = signal->omega * t;
+    double phase = signal->omega * t + signal->phase;
     *rate = signal->amplitude * signal->omega * dse_cos(phase);
     return signal->value + signal->amplitude * dse_sin(phase);
 }

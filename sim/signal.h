@@ -2,7 +2,7 @@
  *
  *     constant   s = value
  *     steps      s = value, from the sample of each step on the step's value
- *     sinusoid   s = value + amplitude sin(omega t), t in the plant's time
+ *     sinusoid   s = value + amplitude sin(omega t + phase), t in the plant's time
  *     prbs       s = value +- amplitude, a new bit every bit_samples samples
  *
  * The pseudo-random binary sequence is that of a shift register of 11 bits, x^11 + x^9 + 1, which
@@ -26,6 +26,7 @@ struct sim_signal {
     double value;                        /* mean of sinusoid and prbs, before the first step */
     double amplitude;                    /* sinusoid, prbs */
     double omega;                        /* sinusoid: per plant time unit, in rad */
+    double phase;                        /* sinusoid: rad */
     int64_t bit_samples;                 /* prbs, >= 1 */
     const struct sim_signal_step *steps; /* n_steps, ascending in sample; must outlive the signal */
     int n_steps;

@@ -50,7 +50,7 @@ static bool check_noise(const struct sim_noise *noise, const struct dse_signal *
     if (!check_values(signals, what, noise->scale, n, reason, size))
         return false;
     for (int j = 0; j < n; j++)
-        if (noise->scale[j] < 0)
+        if (noise->scale[j] < 0 || (noise->limit != NULL && !(noise->limit[j] >= 0)))
             return sim_reason(reason, size, "; %s of %s is negative", what, signals[j].name);
     return true;
 }

@@ -44,7 +44,8 @@ static struct sim_noise noise_of(const struct scenario_noise *noise)
         [SCENARIO_UNIFORM] = SIM_UNIFORM,
         [SCENARIO_GAUSSIAN] = SIM_GAUSSIAN,
     };
-    return (struct sim_noise){.distribution = kinds[noise->distribution], .scale = noise->scale};
+    return (struct sim_noise){
+        .distribution = kinds[noise->distribution], .scale = noise->scale, .limit = noise->limit};
 }
 
 static const struct dse_parameter_set *set_of(const struct scenario *scenario)

@@ -17,12 +17,14 @@
 
 #include <cyaml/cyaml.h>
 
+#include "dse/link.h"
 #include "dse/plant.h"
 #include "runtime/error.h"
 
 #define SCENARIO_MAX_METHODS  32 /* registered methods, see agents/methods/registry.c */
 #define SCENARIO_MAX_NETWORKS 16
 #define SCENARIO_MAX_SAMPLES  1e9
+#define SCENARIO_MAX_DELAY    100 /* networks[].link.D, in communication periods */
 
 struct scenario_time {
     double period_s;   /* sampling period in seconds, > 0 */
@@ -70,6 +72,7 @@ struct scenario_drive {
     double value;     /* constant, before the first step, or mean */
     double amplitude; /* sinusoid, prbs */
     double omega;     /* sinusoid, rad/s */
+    double phase;     /* sinusoid, rad */
     double bit_s;     /* prbs, seconds per bit */
     struct scenario_step *steps;
     unsigned steps_count;
@@ -78,8 +81,8 @@ struct scenario_drive {
 
 enum scenario_time_kind { SCENARIO_CONTINUOUS, SCENARIO_DISCRETE };
 
-/* x' = A x + B u or x(k+1) = A x(k) + B u(k), y = C x: a plant without code. Matrices row by row.
- */
+/* x' = A(t) (x - o) + B u or x(k+1) = o + A(t) (x - o) + B u, y = C x: a plant without code, around
+ * its operating point o, with A(t) = A + A_sin sin(omega t). Matrices row by row. */
 struct scenario_linear {
     enum scenario_time_kind time; /* default continuous; discrete: one step per sample */
     double unit_s;                /* seconds in one unit of plant time, 0: 1 */
@@ -90,6 +93,11 @@ struct scenario_linear {
     unsigned B_count;
     double *C; /* ny x nx; ny follows from it */
     unsigned C_count;
+    double *A_sin; /* nx x nx, NULL: A is constant */
+    unsigned A_sin_count;
+    double omega;   /* rad/s */
+    double *origin; /* o, nx, NULL: 0 */
+    unsigned origin_count;
     char **states; /* names, NULL: x1, x2, .. */
     unsigned states_count;
     unsigned *groups; /* rows of C that each sensor group has, in order; NULL: one group */
@@ -116,12 +124,15 @@ struct scenario_plant {
 enum scenario_distribution { SCENARIO_NONE, SCENARIO_UNIFORM, SCENARIO_GAUSSIAN };
 
 /* Noise per channel, drawn anew at every sample and held over it. scale: the bound of a uniform
- * distribution on [-scale, scale], the standard deviation of a Gaussian one. */
+ * distribution on [-scale, scale], the standard deviation of a Gaussian one, which is clipped to
+ * [-limit, limit] where limits are given. */
 struct scenario_noise {
     enum scenario_distribution distribution;
     double *scale; /* one per state (process, units per plant time unit if continuous) or output
                       (measurement) */
     unsigned scale_count;
+    double *limit; /* as many, NULL: none */
+    unsigned limit_count;
 };
 
 struct scenario_noises {
@@ -138,7 +149,26 @@ struct scenario_graph {
     bool undirected; /* each edge also the other way */
 };
 
+/* Nothing that was sent in [start_s, end_s) arrives. */
+struct scenario_outage {
+    int from, to;   /* nodes, -1: any */
+    double start_s; /* seconds of plant time */
+    double end_s;   /* 0: never ends */
+};
+
+/* What the network does to the messages of the estimators, put in at the receivers. */
+struct scenario_link {
+    unsigned D;    /* largest delay, in communication periods of the method */
+    unsigned T_m;  /* most consecutive losses of one sender and receiver */
+    double loss;   /* probability, where T_m allows a loss */
+    uint64_t seed; /* added to the scenario's */
+    char *file;    /* recorded network, a CSV beside the scenario; NULL: random */
+    struct scenario_outage *outages;
+    unsigned outages_count;
+};
+
 struct method_graph; /* methods/method.h */
+struct scenario_fates;
 
 /* One set of estimators that talk to each other. Several networks in a scenario estimate from the
  * same measurements: that is how methods are compared fairly.
@@ -155,15 +185,24 @@ struct scenario_network {
     double *guess; /* the estimators' initial guess of the whole physical state */
     unsigned guess_count;
     struct scenario_graph *graph;        /* NULL: the method's own */
+    struct scenario_link *link;          /* NULL: nothing is late or lost */
     void *section[SCENARIO_MAX_METHODS]; /* exactly one is not NULL: that of the network's method */
 
     /* Filled by the reader, not by YAML: */
     struct method_graph *neighbours; /* of the graph; NULL: none given */
+    struct scenario_fates *fates;    /* of the link; NULL: none given */
+};
+
+/* A file that the scenario names, as it was read. */
+struct scenario_part {
+    char *name; /* as the scenario says it */
+    char *text;
 };
 
 struct scenario_timeouts {
-    double repeat_s;  /* a missing message is asked for again after this, 0: 0.05 */
-    double give_up_s; /* nobody waits longer than this for anything, 0: 20 */
+    double repeat_s;   /* a missing message is asked for again after this, 0: 0.05 */
+    double give_up_s;  /* nobody waits longer than this for anything, 0: 20 */
+    double patience_s; /* .. nor longer than this for a node that it can do without, 0: 5 */
 };
 
 struct scenario {
@@ -185,8 +224,11 @@ struct scenario {
     char *yaml;                           /* the text as read */
     char **overrides;                     /* "key=value" as given with --set */
     unsigned overrides_count;
-    uint64_t hash; /* of the values, overrides included: equal hash, equal experiment. What cannot
-                    * change a result does not count: comments, layout, title, source, timeouts */
+    struct scenario_part *parts; /* files that it names: recorded networks */
+    unsigned parts_count;
+    uint64_t hash; /* of the values, overrides and the numbers in named files included: equal hash,
+                    * equal experiment. What cannot change a result does not count: comments,
+                    * layout, title, source, timeouts */
 };
 
 /* How many entries a list of numbers has. */
@@ -223,9 +265,16 @@ struct scenario_rule {
  * file has the key. */
 struct scenario *scenario_read(const char *path, const char *const *overrides,
                                unsigned overrides_count, struct error *error);
-/* Same from memory; `file` is the name used in messages. */
+/* Same from memory; `file` is the name used in messages, and the place beside which named files
+ * lie. */
 struct scenario *scenario_parse(const char *yaml, const char *file, const char *const *overrides,
                                 unsigned overrides_count, struct error *error);
+/* Same with the texts of named files, as a log has them: only a file that is not among them is
+ * looked for beside `file`. */
+struct scenario *scenario_parse_recorded(const char *yaml, const char *file,
+                                         const struct scenario_part *parts, unsigned parts_count,
+                                         const char *const *overrides, unsigned overrides_count,
+                                         struct error *error);
 void scenario_free(struct scenario *scenario);
 
 /* `name` itself when it is a readable file, else the only *.yaml file among the scenario folders
@@ -239,11 +288,16 @@ bool scenario_find(const char *name, char *path, unsigned path_size, struct erro
 int64_t scenario_samples(const struct scenario *scenario);
 /* Sampling period in the plant's time unit: period_s / time_unit_s. */
 double scenario_period(const struct scenario *scenario);
+/* timeouts.patience_s or its default. */
+double scenario_patience_s(const struct scenario *scenario);
 
 /* The plant's parameter values for the simulator (network NULL) or for a network's estimators, and
  * what dse_plant.prepare makes of them. prepared: process->prepared_size reals. */
 bool scenario_prepare_plant(const struct scenario *scenario, const struct scenario_network *network,
                             dse_real *values, dse_real *prepared, struct error *error);
+/* What the network's link does to packets, for all pairs of its nodes, with outages counted in
+ * samples; NULL: it has none. A method puts it to use by methods/lossy_link.h. */
+const struct dse_link_config *scenario_link_fates(const struct scenario_network *network);
 /* Index of the network's method in the registry. */
 int scenario_method(const struct scenario_network *network);
 

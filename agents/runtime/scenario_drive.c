@@ -63,6 +63,7 @@ static bool judge_signal(struct place *p, const struct scenario_drive *drive)
     bool sinusoid = drive->signal == SCENARIO_SINUSOID, prbs = drive->signal == SCENARIO_PRBS;
     return judge_use(p, "amplitude", drive->amplitude > 0, sinusoid || prbs, kind) &&
            judge_use(p, "omega", drive->omega > 0, sinusoid, kind) &&
+           (sinusoid || judge_use(p, "phase", fabs(drive->phase) > 0, false, kind)) &&
            judge_use(p, "bit_s", drive->bit_s > 0, prbs, kind) &&
            judge_use(p, "steps", drive->steps_count > 0, drive->signal == SCENARIO_STEPS, kind);
 }

@@ -145,9 +145,12 @@ static bool judge_prepare(struct judge *j, const char *path, const struct scenar
 
 static bool judge_noise(struct judge *j, const char *path, const struct scenario_noise *noise)
 {
-    if (noise->distribution == SCENARIO_NONE || noise->scale_count > 0)
-        return true;
-    return fail(j, path, "scale is missing: noise that is not 'none' needs one value per channel");
+    if (noise->distribution != SCENARIO_NONE && noise->scale_count == 0)
+        return fail(j, path,
+                    "scale is missing: noise that is not 'none' needs one value per channel");
+    if (noise->limit_count > 0 && noise->distribution != SCENARIO_GAUSSIAN)
+        return fail(j, path, "limit belongs to gaussian noise");
+    return true;
 }
 
 static bool judge_section(struct judge *j, const char *path, const struct scenario_network *network)
@@ -188,7 +191,8 @@ static bool judge_network(struct judge *j, unsigned i)
         return false;
     snprintf(key, sizeof key, "%s.parameters", path);
     return judge_parameters(j, key, network->parameters, network->parameters_count) &&
-           judge_prepare(j, key, network) && judge_section(j, path, network);
+           judge_prepare(j, key, network) && judge_section(j, path, network) &&
+           scenario_link_make(j->tree, j->scenario, i, j->error);
 }
 
 bool scenario_judge(struct scenario_tree *tree, struct scenario *scenario, struct error *error)

@@ -11,9 +11,9 @@
 
 struct scenario_linear_plant {
     struct dse_plant plant;
-    struct dse_linear matrices;
+    struct dse_linear_process process;
     enum dse_time_kind time;
-    dse_real *numbers;            /* A, B, C one after the other */
+    dse_real *numbers;            /* A, B, C, A_sin one after the other */
     dse_real handle[HANDLE_SIZE]; /* the plant's constants: the address of this structure */
     dse_real x0[DSE_PLANT_MAX_STATES];
     struct dse_parameter_set set;
@@ -84,6 +84,8 @@ static bool read_dimensions(const struct maker *m)
         return fail_count(m, "A", plant->nx * plant->nx, "nx x nx", plant->nx, plant->nx);
     if (count_of(m, "B") != plant->nx * plant->nu)
         return fail_count(m, "B", plant->nx * plant->nu, "nx x nu", plant->nx, plant->nu);
+    if (node_of(m, "A_sin") != 0 && count_of(m, "A_sin") != plant->nx * plant->nx)
+        return fail_count(m, "A_sin", plant->nx * plant->nx, "nx x nx", plant->nx, plant->nx);
     if (count % plant->nx != 0)
         return scenario_fail(m->tree, node_of(m, "C"), "plant.linear.C", m->error,
                              "has %d values; it must have whole rows of nx = %d, one per output",
@@ -112,15 +114,49 @@ static bool read_matrices(const struct maker *m)
 {
     struct scenario_linear_plant *linear = m->linear;
     const struct dse_plant *plant = &linear->plant;
-    const int count = plant->nx * (plant->nx + plant->nu + plant->ny);
+    const int count = plant->nx * (2 * plant->nx + plant->nu + plant->ny);
     linear->numbers = calloc((size_t)count, sizeof *linear->numbers);
     if (linear->numbers == NULL)
         return error_set(m->error, "%s: out of memory", m->tree->file);
     dse_real *B = read_list(m, "A", linear->numbers);
     dse_real *C = read_list(m, "B", B);
-    read_list(m, "C", C);
-    linear->matrices =
+    dse_real *A_sin = read_list(m, "C", C);
+    linear->process.linear =
         (struct dse_linear){.A = linear->numbers, .B = plant->nu > 0 ? B : NULL, .C = C};
+    if (read_list(m, "A_sin", A_sin) > A_sin)
+        linear->process.swing = A_sin;
+    return true;
+}
+
+/* The swing of A has its frequency, in rad/s, and is nothing without it. */
+static bool read_omega(const struct maker *m)
+{
+    struct scenario_linear_plant *linear = m->linear;
+    const char *omega = text_of(m, "omega"), *wrong = NULL;
+    double value = 0;
+    if (omega != NULL)
+        scenario_number(omega, &value, &wrong);
+    linear->process.omega = (dse_real)value * linear->plant.time_unit_s;
+    if ((omega != NULL) == (linear->process.swing != NULL))
+        return true;
+    return scenario_fail(m->tree, m->section, "plant.linear", m->error,
+                         "A_sin and omega belong together; one of them is missing");
+}
+
+/* The initial state of the only parameter set is the operating point. */
+static bool read_origin(const struct maker *m)
+{
+    struct scenario_linear_plant *linear = m->linear;
+    if (node_of(m, "origin") == 0)
+        return true;
+    if (count_of(m, "origin") != linear->plant.nx)
+        return scenario_fail(m->tree, node_of(m, "origin"), "plant.linear.origin", m->error,
+                             "has %d values; it must have nx = %d, one per state",
+                             count_of(m, "origin"), linear->plant.nx);
+    read_list(m, "origin", linear->x0);
+    for (int i = 0; i < linear->plant.nx; i++)
+        linear->states[i].nominal = linear->x0[i];
+    linear->process.origin = linear->x0;
     return true;
 }
 
@@ -213,8 +249,8 @@ static void fill_model(const dse_real *prepared, struct dse_model *model)
     const void *address = NULL;
     memcpy(&address, prepared, sizeof address);
     const struct scenario_linear_plant *linear = address;
-    dse_linear_model(model, linear->time, linear->plant.nx, linear->plant.nu, linear->plant.ny,
-                     &linear->matrices);
+    dse_linear_process_model(model, linear->time, linear->plant.nx, linear->plant.nu,
+                             linear->plant.ny, &linear->process);
 }
 
 static void fill_plant(struct scenario_linear_plant *linear)
@@ -254,7 +290,8 @@ struct scenario_linear_plant *scenario_linear_make(struct scenario_tree *tree, i
     if (read_dimensions(&maker) && read_matrices(&maker)) {
         set_time(&maker);
         fill_plant(linear);
-        if (rename_states(&maker) && cut_groups(&maker))
+        if (read_omega(&maker) && read_origin(&maker) && rename_states(&maker) &&
+            cut_groups(&maker))
             return linear;
     }
     scenario_linear_free(linear);

@@ -71,6 +71,19 @@ static void prbs_bits(double *bits, uint64_t seed, uint64_t stream, int64_t bit_
     }
 }
 
+static void a_sinusoid_begins_at_its_phase(void **state)
+{
+    (void)state;
+    const struct sim_signal cosine = {
+        .kind = SIM_SINUSOID, .amplitude = 3, .omega = 2, .phase = 1.5707963267948966};
+    for (int k = 0; k < 20; k++) {
+        const double t = 0.3 * k;
+        double rate;
+        near_to(sim_signal_sinusoid(&cosine, t, &rate), 3 * cos(2 * t), 1e-14);
+        near_to(rate, -6 * sin(2 * t), 1e-14);
+    }
+}
+
 /* What makes it a maximal sequence: balance, and an autocorrelation of -1/2047 at every shift. */
 static void prbs_repeats_after_2047_bits_and_is_white_within(void **state)
 {
@@ -374,7 +387,7 @@ static void drives_leave_the_noise_as_it_was(void **state)
     const struct sim_drive drives[] = {
         {.input = 1, .signal = {.kind = SIM_PRBS, .amplitude = 1, .bit_samples = 2}}};
     struct sim_config config = config_of(drives, 1);
-    config.measurement = (struct sim_noise){SIM_GAUSSIAN, scale};
+    config.measurement = (struct sim_noise){.distribution = SIM_GAUSSIAN, .scale = scale};
     struct sim_config still = config;
     still.n_drives = 0;
     struct simulator *driven = must_create(&config), *rest = must_create(&still);
@@ -426,6 +439,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(steps_act_from_their_sample_on),
         cmocka_unit_test(a_sinusoid_has_its_derivative),
+        cmocka_unit_test(a_sinusoid_begins_at_its_phase),
         cmocka_unit_test(prbs_repeats_after_2047_bits_and_is_white_within),
         cmocka_unit_test(prbs_begins_where_seed_and_stream_put_it),
         cmocka_unit_test(pid_brings_its_measurement_to_the_set_point),

@@ -103,15 +103,16 @@ static void a_sinusoid_counts_in_seconds_and_brings_its_rate(void **state)
                                       "      signal: sinusoid\n"
                                       "      value: 10\n"
                                       "      amplitude: 9\n"
-                                      "      omega: 0.008\n",
+                                      "      omega: 0.008\n"
+                                      "      phase: 0.25\n",
                                       NULL);
     double feed[20], rate[20];
     run(scenario, 0, feed, 20);
     run(scenario, 1, rate, 20);
     for (int k = 0; k < 20; k++) {
         /* per hour, as the plant has it */
-        assert_true(fabs(feed[k] - 10 * (1 + 0.9 * sin(0.008 * 2 * k))) < 1e-12);
-        assert_true(fabs(rate[k] - 9 * 0.008 * 3600 * cos(0.008 * 2 * k)) < 1e-9);
+        assert_true(fabs(feed[k] - 10 * (1 + 0.9 * sin(0.008 * 2 * k + 0.25))) < 1e-12);
+        assert_true(fabs(rate[k] - 9 * 0.008 * 3600 * cos(0.008 * 2 * k + 0.25)) < 1e-9);
     }
     scenario_free(scenario);
 }
@@ -220,6 +221,8 @@ static void what_makes_no_sense_is_refused_where_it_stands(void **state)
          "plant.drive[0].amplitude: is not used by a signal of kind constant"},
         {"    - {name: u1, value: 1, signal: prbs, amplitude: 2, bit_s: 4, omega: 1}\n",
          "plant.drive[0].omega: is not used by a signal of kind prbs"},
+        {"    - {name: u1, value: 1, signal: steps, phase: 1, steps: [{at_s: 4, value: 1}]}\n",
+         "plant.drive[0].phase: is not used by a signal of kind steps"},
         {"    - {name: u1, value: 1, signal: prbs, amplitude: 2}\n",
          "plant.drive[0].bit_s: is missing: a signal of kind prbs needs it"},
         {"    - {name: u1, value: 1, signal: prbs, bit_s: 2, amplitude: 0}\n",

@@ -1,5 +1,6 @@
 /* The plant called linear: from the scenario's matrices to samples, and what is refused with which
  * words. */
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -171,12 +172,87 @@ static void the_samples_of_a_discrete_plant_follow_its_matrices(void **state)
     scenario_free(scenario);
 }
 
+/* A plant around an operating point starts there unless x0 says otherwise, and stays. */
+static void a_plant_rests_at_its_origin(void **state)
+{
+    (void)state;
+    static const char text[] =
+        "name: around\n"
+        "time: {period_s: 1, duration_s: 20}\n"
+        "plant:\n"
+        "  name: linear\n"
+        "  linear: {time: discrete, nx: 2, A: [0.5, 0.25, 0, 0.5], C: [0, 1],\n"
+        "           origin: [300, 0.125]}\n"
+        "networks:\n"
+        "  - name: one\n"
+        "    guess: [0, 0]\n"
+        "    high_gain_ekf: {d: 0.02, DeltaT: 0.1, beta: 5, m: 4, lambda: 100, theta_m: 20,\n"
+        "                    Q: [1, 1], R: [1]}\n";
+    static const char *const away[] = {"plant.x0=[301, 0.25]"};
+    for (unsigned moved = 0; moved < 2; moved++) {
+        struct error error = {.text = ""};
+        struct sample_source source;
+        char reason[256] = "";
+        struct scenario *scenario = scenario_parse(text, "x.yaml", away, moved, &error);
+        if (scenario == NULL || !plant_source(scenario, &source, &error))
+            fail_msg("%s", error.text);
+        double deviation[] = {moved, 0.125 * moved};
+        for (int k = 0; k < 12; k++) {
+            struct sample_data data = {0};
+            if (!source.next(source.self, k, &data, reason, sizeof reason))
+                fail_msg("%s", reason);
+            const double x[] = {300 + deviation[0], 0.125 + deviation[1]};
+            assert_memory_equal(data.x, x, sizeof x);
+            assert_memory_equal(data.y, x + 1, sizeof *x);
+            deviation[0] = 0.5 * deviation[0] + 0.25 * deviation[1];
+            deviation[1] = 0.5 * deviation[1];
+        }
+        source.destroy(source.self);
+        scenario_free(scenario);
+    }
+}
+
+/* The time-varying plant of two coupled states: dx = (A + A_sin sin(omega t)) x with omega in
+ * rad/s, whatever the plant's unit of time is. */
+static void a_swinging_matrix_swings_in_seconds(void **state)
+{
+    (void)state;
+    static const char text[] = "name: swings\n"
+                               "time: {period_s: 0.01, duration_s: 1}\n"
+                               "plant:\n"
+                               "  name: linear\n"
+                               "  linear: {unit_s: 60, nx: 2, A: [-0.15, -2, 2, 0], omega: 0.5,\n"
+                               "           A_sin: [0.4, 0, 0, 0], C: [1, 0]}\n"
+                               "networks:\n"
+                               "  - name: one\n"
+                               "    guess: [0, 0]\n"
+                               "    high_gain_ekf: {d: 0.02, DeltaT: 0.1, beta: 5, m: 4,\n"
+                               "      lambda: 100, theta_m: 20, Q: [1, 1], R: [1]}\n";
+    struct error error = {.text = ""};
+    struct scenario *scenario = scenario_parse(text, "x.yaml", NULL, 0, &error);
+    struct dse_model model;
+    dse_real values[1], prepared[8], F[4];
+    if (scenario == NULL || !scenario_prepare_plant(scenario, NULL, values, prepared, &error))
+        fail_msg("%s", error.text);
+    scenario->process->model(prepared, &model);
+    const dse_real x[] = {15, -10};
+    for (int k = 0; k < 5; k++) {
+        const double minutes = 0.07 * k, a = -0.15 + 0.4 * sin(0.5 * 60 * minutes);
+        dse_real dx[2];
+        assert_int_equal(model.f(&model, minutes, x, NULL, dx), DSE_OK);
+        assert_int_equal(model.dfdx(&model, minutes, x, NULL, F), DSE_OK);
+        assert_true(fabs(dx[0] - (15 * a + 20)) < 1e-12 && fabs(dx[1] - 30) < 1e-12);
+        assert_true(fabs(F[0] - a) < 1e-14);
+    }
+    scenario_free(scenario);
+}
+
 static void the_matrices_count_for_the_hash(void **state)
 {
     (void)state;
-    static const char *const overrides[] = {NULL, "plant.linear.A=[1, 0.5, -0.25, 0.75]",
-                                            "plant.linear.groups=[2, 0, 1]",
-                                            "plant.linear.time=continuous"};
+    static const char *const overrides[] = {
+        NULL, "plant.linear.A=[1, 0.5, -0.25, 0.75]", "plant.linear.groups=[2, 0, 1]",
+        "plant.linear.origin=[2, 0]", "plant.linear.time=continuous"};
     uint64_t hash[COUNT(overrides)];
     for (int i = 0; i < COUNT(overrides); i++) {
         struct scenario *scenario = parse(overrides[i]);
@@ -218,6 +294,13 @@ static void what_does_not_fit_is_refused_with_its_line(void **state)
         {"time: discrete", "states: [a, a]",
          "x.yaml:7: plant.linear.states[1]: 'a' is the name of states[0] too"},
         {"time: discrete", "states: [a, b c]", "plant.linear.states[1]: 'b c' is not a name"},
+        {"time: discrete", "origin: [1]",
+         "x.yaml:7: plant.linear.origin: has 1 values; it must have nx = 2, one per state"},
+        {"time: discrete", "A_sin: [1, 0, 0, 1]",
+         "plant.linear: A_sin and omega belong together; one of them is missing"},
+        {"time: discrete", "omega: 1",
+         "plant.linear: A_sin and omega belong together; one of them is missing"},
+        {"time: discrete", "A_sin: [1]", "plant.linear.A_sin: has 1 values; it must have 4"},
         {"x0: [1, -1]", "x0: [1]",
          "x.yaml:14: plant.x0: has 1 values; it must have 2, one per state of linear: x1, x2"},
         {"R: [1, 1, 1]", "R: [1, 1]", "R: has 2 values; it must have 3, one per output of linear"},
@@ -284,6 +367,8 @@ int main(void)
         cmocka_unit_test(its_model_has_the_matrices_of_the_scenario),
         cmocka_unit_test(what_is_left_out_has_a_default),
         cmocka_unit_test(the_samples_of_a_discrete_plant_follow_its_matrices),
+        cmocka_unit_test(a_plant_rests_at_its_origin),
+        cmocka_unit_test(a_swinging_matrix_swings_in_seconds),
         cmocka_unit_test(the_matrices_count_for_the_hash),
         cmocka_unit_test(what_does_not_fit_is_refused_with_its_line),
         cmocka_unit_test(more_outputs_than_there_may_be_are_refused),

@@ -85,7 +85,7 @@ static void cvode_holds_the_process_noise_from_sample_to_sample(void **state)
     static const double scale[] = {50, 3, 0};
     struct setting setting;
     set(&setting, &smooth, 0.1);
-    setting.config.process = (struct sim_noise){SIM_UNIFORM, scale};
+    setting.config.process = (struct sim_noise){.distribution = SIM_UNIFORM, .scale = scale};
     struct simulator *sim = create(&setting);
 
     struct sim_noise_source twin;
@@ -206,7 +206,7 @@ static void cvode_does_not_look_beyond_a_sample_with_process_noise(void **state)
     timed.f = timed_f;
     struct setting setting;
     set(&setting, &timed, 0.1);
-    setting.config.process = (struct sim_noise){SIM_GAUSSIAN, scale};
+    setting.config.process = (struct sim_noise){.distribution = SIM_GAUSSIAN, .scale = scale};
     struct simulator *sim = create(&setting);
     for (int k = 0; k < 100; k++) {
         latest = 0;
@@ -239,7 +239,8 @@ static void rk4_takes_one_classical_step_per_sample(void **state)
         set(&setting, &smooth, 0.1);
         setting.config.integrator = SIM_RK4;
         if (noisy)
-            setting.config.process = (struct sim_noise){SIM_GAUSSIAN, scale};
+            setting.config.process =
+                (struct sim_noise){.distribution = SIM_GAUSSIAN, .scale = scale};
         struct simulator *sim = create(&setting);
         struct sim_noise_source twin;
         sim_noise_init(&twin, &setting.config.process, 3, setting.config.seed, SIM_NOISE_PROCESS);
@@ -285,7 +286,8 @@ static void a_discrete_plant_goes_by_its_own_step(void **state)
         set(&setting, &difference, 0.25);
         setting.config.integrator = i % 2 == 0 ? SIM_CVODE : SIM_RK4;
         if (i >= 2)
-            setting.config.process = (struct sim_noise){SIM_UNIFORM, scale};
+            setting.config.process =
+                (struct sim_noise){.distribution = SIM_UNIFORM, .scale = scale};
         struct simulator *sim = create(&setting);
         struct sim_noise_source twin;
         sim_noise_init(&twin, &setting.config.process, 3, setting.config.seed, SIM_NOISE_PROCESS);

@@ -142,7 +142,8 @@ static void a_failed_step_says_where_and_changes_nothing(void **state)
             set(&setting, &cases[i].plant, 0.3);
             setting.config.integrator = rk4 ? SIM_RK4 : SIM_CVODE;
             if (variant & 2)
-                setting.config.process = (struct sim_noise){SIM_UNIFORM, scale};
+                setting.config.process =
+                    (struct sim_noise){.distribution = SIM_UNIFORM, .scale = scale};
             struct simulator *sim = create(&setting);
             for (int k = 0; k < 3; k++)
                 step(sim);
@@ -276,9 +277,19 @@ static void a_plant_that_cannot_be_simulated_is_refused_with_a_reason(void **sta
         {"initial value of b", 1, 0, 0, nan_at_b, ones, {0}, {0}, DSE_CONTINUOUS, 3},
         {"constant value is missing", 1, 0, 0, ones, NULL, {0}, {0}, DSE_CONTINUOUS, 3},
         {"constant value of a", 1, 0, 0, ones, infinite, {0}, {0}, DSE_CONTINUOUS, 3},
-        {"process noise is missing", 1, 0, 0, ones, ones, {SIM_UNIFORM, 0}, {0}, 0, 3},
-        {"process noise of c is negative", 1, 0, 0, ones, ones, {SIM_UNIFORM, negative}, {0}, 0, 3},
-        {"measurement noise of b", 1, 0, 0, ones, ones, {0}, {SIM_GAUSSIAN, nan_at_b}, 0, 3},
+        {"process noise is missing", 1, 0, 0, ones, ones, {SIM_UNIFORM, 0, 0}, {0}, 0, 3},
+        {"process noise of c is negative",
+         1,
+         0,
+         0,
+         ones,
+         ones,
+         {SIM_UNIFORM, negative, 0},
+         {0},
+         0,
+         3},
+        {"process noise of c is", 1, 0, 0, ones, ones, {SIM_GAUSSIAN, ones, negative}, {0}, 0, 3},
+        {"measurement noise of b", 1, 0, 0, ones, ones, {0}, {SIM_GAUSSIAN, nan_at_b, 0}, 0, 3},
         {"neither a differential nor", 1, 0, 0, ones, ones, {0}, {0}, (enum dse_time_kind)2, 3},
         {"not those of the plant", 1, 0, 0, ones, ones, {0}, {0}, DSE_CONTINUOUS, 2},
         {"0 states", 1, 0, 0, ones, ones, {0}, {0}, DSE_CONTINUOUS, 0},

@@ -36,7 +36,8 @@ static void the_same_seed_gives_the_same_bits_and_another_one_does_not(void **st
     for (int i = 0; i < COUNT(noisy); i++) {
         struct setting setting;
         set(&setting, &smooth, 0.1);
-        setting.config.process = setting.config.measurement = (struct sim_noise){noisy[i], scale};
+        setting.config.process = setting.config.measurement =
+            (struct sim_noise){.distribution = noisy[i], .scale = scale};
         run(&setting, SAMPLES, x[0], y[0]);
         run(&setting, SAMPLES, x[1], y[1]);
         setting.config.seed++;
@@ -57,8 +58,10 @@ static void switching_one_noise_off_leaves_the_other_as_it_was(void **state)
     static const double none[3] = {0};
     double x[2][3 * SAMPLES];
     double y[2][2 * SAMPLES];
-    const struct sim_noise on = {SIM_UNIFORM, scale};
-    const struct sim_noise off[] = {{SIM_NONE, NULL}, {SIM_UNIFORM, none}, {SIM_GAUSSIAN, none}};
+    const struct sim_noise on = {.distribution = SIM_UNIFORM, .scale = scale};
+    const struct sim_noise off[] = {{.distribution = SIM_NONE},
+                                    {.distribution = SIM_UNIFORM, .scale = none},
+                                    {.distribution = SIM_GAUSSIAN, .scale = none}};
     for (int i = 0; i < COUNT(off); i++) {
         struct setting setting;
         set(&setting, &smooth, 0.1);
@@ -84,7 +87,7 @@ static void a_channel_does_not_notice_the_size_of_its_neighbour(void **state)
     for (int i = 0; i < COUNT(noisy); i++) {
         struct sim_noise_source source[2];
         for (int s = 0; s < 2; s++) {
-            const struct sim_noise noise = {noisy[i], scales[s]};
+            const struct sim_noise noise = {.distribution = noisy[i], .scale = scales[s]};
             sim_noise_init(&source[s], &noise, 3, 11, SIM_NOISE_MEASUREMENT);
         }
         for (int k = 0; k < SAMPLES; k++) {
@@ -97,6 +100,49 @@ static void a_channel_does_not_notice_the_size_of_its_neighbour(void **state)
     }
 }
 
+/* The same draws, those beyond the limit put on it: about 4.6 % beyond two standard deviations. */
+static void gaussian_noise_stays_within_its_limit(void **state)
+{
+    (void)state;
+    enum { DRAWS = 20000 };
+    static const double scale[] = {0.01, 3}, limit[] = {0.02, 1e9};
+    const struct sim_noise free = {.distribution = SIM_GAUSSIAN, .scale = scale};
+    const struct sim_noise bound = {.distribution = SIM_GAUSSIAN, .scale = scale, .limit = limit};
+    struct sim_noise_source source[2];
+    int clipped[2] = {0};
+    sim_noise_init(&source[0], &free, 2, 5, SIM_NOISE_PROCESS);
+    sim_noise_init(&source[1], &bound, 2, 5, SIM_NOISE_PROCESS);
+    for (int k = 0; k < DRAWS; k++) {
+        double w[2], v[2];
+        sim_noise_draw(&source[0], w);
+        sim_noise_draw(&source[1], v);
+        assert_same_bits(&v[1], &w[1], 1);
+        if (fabs(w[0]) <= limit[0]) {
+            assert_same_bits(&v[0], &w[0], 1);
+        } else {
+            assert_true(v[0] == copysign(limit[0], w[0]));
+            clipped[w[0] > 0]++;
+        }
+    }
+    assert_in_range(clipped[0], 350, 570); /* 455 expected on either side */
+    assert_in_range(clipped[1], 350, 570);
+}
+
+/* As many outputs as a plant may have, more than it may have states. */
+static void every_output_of_the_largest_plant_has_its_noise(void **state)
+{
+    (void)state;
+    static double scale[DSE_PLANT_MAX_OUTPUTS], value[DSE_PLANT_MAX_OUTPUTS];
+    static struct sim_noise_source source;
+    for (int j = 0; j < DSE_PLANT_MAX_OUTPUTS; j++)
+        scale[j] = j;
+    const struct sim_noise noise = {.distribution = SIM_UNIFORM, .scale = scale};
+    sim_noise_init(&source, &noise, DSE_PLANT_MAX_OUTPUTS, 1, SIM_NOISE_MEASUREMENT);
+    sim_noise_draw(&source, value);
+    for (int j = 1; j < DSE_PLANT_MAX_OUTPUTS; j++)
+        assert_true(fabs(value[j]) <= scale[j] && value[j] != 0);
+}
+
 /* Mean, variance and correlations of 20,000 draws within five standard errors; the bound exactly.
  */
 static void noise_has_the_stated_size_and_its_channels_are_independent(void **state)
@@ -107,7 +153,8 @@ static void noise_has_the_stated_size_and_its_channels_are_independent(void **st
     static const enum sim_noise_kind kinds[CHANNELS] = {
         SIM_NOISE_PROCESS, SIM_NOISE_PROCESS, SIM_NOISE_MEASUREMENT, SIM_NOISE_MEASUREMENT};
     for (int i = 0; i < COUNT(noisy); i++) {
-        const struct sim_noise noise[2] = {{noisy[i], scale}, {noisy[i], scale + 2}};
+        const struct sim_noise noise[2] = {{.distribution = noisy[i], .scale = scale},
+                                           {.distribution = noisy[i], .scale = scale + 2}};
         struct sim_noise_source source[2];
         for (int s = 0; s < 2; s++)
             sim_noise_init(&source[s], &noise[s], 2, 3, kinds[2 * s]);
@@ -144,6 +191,8 @@ int main(void)
         cmocka_unit_test(the_same_seed_gives_the_same_bits_and_another_one_does_not),
         cmocka_unit_test(switching_one_noise_off_leaves_the_other_as_it_was),
         cmocka_unit_test(a_channel_does_not_notice_the_size_of_its_neighbour),
+        cmocka_unit_test(gaussian_noise_stays_within_its_limit),
+        cmocka_unit_test(every_output_of_the_largest_plant_has_its_noise),
         cmocka_unit_test(noise_has_the_stated_size_and_its_channels_are_independent),
     };
     return cmocka_run_group_tests_name("simulator_noise", tests, NULL, NULL);

@@ -79,4 +79,21 @@ struct dse_linear {
 void dse_linear_model(struct dse_model *model, enum dse_time_kind time, int nx, int nu, int ny,
                       const struct dse_linear *linear);
 
+/* A linear process around its operating point o, with a part that swings in time:
+ *
+ *     continuous   x'     = A(t) (x - o) + B u           A(t) = A + A_s sin(omega t)
+ *     discrete     x(k+1) = o + A(t_k) (x - o) + B u
+ *                  y      = C x + D u
+ *
+ * so that states and outputs are what the process shows and u is the deviation of its inputs. */
+struct dse_linear_process {
+    struct dse_linear linear;
+    const dse_real *origin; /* o, nx; NULL: zero */
+    const dse_real *swing;  /* A_s, nx x nx; NULL: zero */
+    dse_real omega;         /* rad per unit of time */
+};
+/* Fills `model`; `process` and its matrices must outlive it. */
+void dse_linear_process_model(struct dse_model *model, enum dse_time_kind time, int nx, int nu,
+                              int ny, const struct dse_linear_process *process);
+
 #endif
