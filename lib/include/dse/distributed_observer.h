@@ -121,22 +121,29 @@ enum dse_observer_hearing {
 
 struct dse_distributed_observer {
     const struct dse_distributed_observer_config *config;
-    int n_gain;          /* reals of all Gamma */
-    int n_rows;          /* compared rows of all neighbours */
-    int n_inject;        /* columns of `injection` */
-    dse_real t;          /* of the estimate */
-    dse_real *state;     /* nz + n_gain: z, then Gamma_ij row-major in the neighbours' order */
-    dse_real *xh;        /* nx */
-    dse_real *messages;  /* n_rows: C2 xh_j as heard last, stacked */
-    dse_real *injection; /* nz x n_inject: Pi^-1 M' or Pi^-1 D' */
-    dse_real *y, *u;     /* ny, nu: of the last sample, held where missing */
-    dse_real *y_next, *u_next, *y_stage, *u_stage;
-    dse_real *stage_xh, *difference, *residual, *sum; /* scratch of the right-hand side */
-    dse_real *scratch;                                /* of the integrator */
-    int *age;      /* neighbours: periods since the last message, -1: never heard */
-    int *seen;     /* ny: the channel has been valid once */
-    bool started;  /* all channels have been seen */
-    bool complete; /* no channel was missing at the last sample */
+    int n_gain;           /* reals of all Gamma */
+    int n_rows;           /* compared rows of all neighbours */
+    int n_inject;         /* columns of `injection` */
+    int hold;             /* with its default put in */
+    dse_real t;           /* of the estimate */
+    dse_real *state;      /* nz + n_gain: z, then Gamma_ij row-major in the neighbours' order */
+    dse_real *xh;         /* nx */
+    dse_real *messages;   /* n_rows: C2 xh_j as heard last, stacked */
+    dse_real *injection;  /* nz x n_inject: Pi^-1 M' or Pi^-1 D' */
+    dse_real *y, *u;      /* ny, nu: of the last sample, held where missing */
+    dse_real *y_next;     /* ny: of the sample being taken */
+    dse_real *next;       /* nz + n_gain: state after the step that is tried */
+    dse_real *y_stage;    /* ny: within the period */
+    dse_real *u_stage;    /* nu */
+    dse_real *xh_stage;   /* nx */
+    dse_real *difference; /* n_rows; of one neighbour at a time */
+    dse_real *residual;   /* r, or Gamma_ij d_ij */
+    dse_real *sum;        /* n_inject */
+    dse_real *scratch;    /* of the integrator */
+    int *age;             /* neighbours: periods since the last message, -1: never heard */
+    int *seen;            /* ny: the channel has been valid once */
+    bool started;         /* all channels have been seen */
+    bool complete;        /* no channel was missing at the last sample */
     enum dse_health health;
     int64_t refused; /* messages with numbers that are not finite */
     int64_t dropped; /* times that a neighbour was dropped */
@@ -146,9 +153,9 @@ struct dse_distributed_observer {
  * neighbours' rows, residuals the largest of them. OWN: rows is neighbours times the rows of C2 (nx
  * without C2), residuals is nr. */
 #define DSE_DISTRIBUTED_OBSERVER_STORAGE(nz, nu, ny, nx, neighbours, rows, residuals)              \
-    (4 * ((nz) + (rows) * (residuals)) + (nz) * (nz) +                                             \
+    (5 * ((nz) + (rows) * (residuals)) + (nz) * (nz) +                                             \
      ((nz) + 1) * ((nx) > (residuals) ? (nx) : (residuals)) + 2 * (rows) + (residuals) +           \
-     2 * (nx) + 3 * (ny) + 3 * (nu) + DSE_ARENA_INTS(neighbours) + DSE_ARENA_INTS(ny))
+     2 * (nx) + 3 * (ny) + 2 * (nu) + DSE_ARENA_INTS(neighbours) + DSE_ARENA_INTS(ny))
 
 /* DSE_EINVAL (a setting outside its range, or a matrix that is needed is NULL), DSE_ENONFINITE (a
  * matrix), DSE_ENOTPD (Pi), DSE_ESTORAGE. */
