@@ -132,6 +132,7 @@ const struct method high_gain_ekf_method = {
     .fields = high_gain_ekf_fields,
     .section_size = sizeof(struct high_gain_ekf_section),
     .rules = high_gain_ekf_rules,
+    .uses_link = true,
     .nodes = nodes,
     .create = high_gain_ekf_create,
     .destroy = high_gain_ekf_destroy,

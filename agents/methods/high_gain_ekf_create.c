@@ -126,7 +126,7 @@ static void fill_communication(struct high_gain_ekf_node *node, const struct met
     config->communication = communication->kind;
     config->predictor = communication->predictor;
     config->comm_every_ticks = (int)communication->every;
-    config->max_delay = communication->link != NULL ? (int)communication->link->D : 0;
+    config->max_delay = setup->link != NULL ? setup->link->max_delay : 0;
     if (trigger == NULL)
         return;
     config->trigger.norm = trigger->norm;
@@ -293,15 +293,15 @@ static bool take_memory(struct high_gain_ekf_node *node, const struct method_set
     int n = node->form.n;
     int nu = process->nu;
     int p = is_centralised(node->section) ? 1 : node->form.p;
-    int D = communication->link != NULL ? (int)communication->link->D : 0;
+    int D = setup->link != NULL ? setup->link->max_delay : 0;
     int every = communication->every > 0 ? (int)communication->every : 1;
     int horizon = high_gain_ekf_horizon(node->section, setup->period);
     int storage = config_storage(setup, n, n_i) +
                   DSE_HIGH_GAIN_EKF_STORAGE(n, nu, process->ny, p, n_i, horizon);
     if (D > 0 && every > 1000000 / D)
         return error_set(error,
-                         "%s: networks.%s.high_gain_ekf.communication: D = %d periods of %d "
-                         "samples are too long to be kept",
+                         "%s: networks.%s.link: D = %d periods of %d samples are too long to be "
+                         "kept",
                          setup->scenario->file, setup->network->name, D, every);
     storage += D > 0 ? DSE_HIGH_GAIN_EKF_DELAY_STORAGE(n, nu, p, D, every) : 0;
     node->memory = calloc((size_t)storage, sizeof *node->memory);
@@ -316,11 +316,14 @@ static bool open_links(struct high_gain_ekf_node *node, const struct method_setu
 {
     const struct high_gain_ekf_communication *communication = &node->section->communication;
     int64_t every = communication->every > 0 ? communication->every : 1;
-    if (communication->link == NULL)
+    if (setup->link == NULL)
         return true;
-    int64_t instants = (scenario_samples(setup->scenario) + every - 1) / every;
-    node->links = lossy_link_create(communication->link, setup, node->form.p, node->form.n_i,
-                                    instants, error);
+    if (is_centralised(node->section) || communication->kind != DSE_HIGH_GAIN_TICK)
+        return error_set(error,
+                         "%s: networks.%s.link: delays and losses go with communication of kind "
+                         "tick only",
+                         setup->scenario->file, setup->network->name);
+    node->links = lossy_link_create(setup, node->form.n_i, every, error);
     return node->links != NULL;
 }
 

@@ -56,8 +56,6 @@ static const cyaml_schema_field_t communication_fields[] = {
                      CYAML_ARRAY_LEN(predictors)),
     CYAML_FIELD_MAPPING_PTR("trigger", OPTIONAL_POINTER, struct high_gain_ekf_communication,
                             trigger, trigger_fields),
-    CYAML_FIELD_MAPPING_PTR("link", OPTIONAL_POINTER, struct high_gain_ekf_communication, link,
-                            lossy_link_fields),
     CYAML_FIELD_END};
 
 const cyaml_schema_field_t high_gain_ekf_fields[] = {
@@ -150,7 +148,6 @@ const struct scenario_rule high_gain_ekf_rules[] = {
      .count = SCENARIO_PER_STATE,
      .absent = "ones",
      .meaning = "diagonals of H_1, H_2, .. in turn: weights of the norm"},
-    LOSSY_LINK_RULES("communication.link"),
     {.key = "predictor_parameters",
      SCENARIO_ANY,
      .absent = "those of the filters",
@@ -200,9 +197,6 @@ static bool check_kind(const struct high_gain_ekf_communication *communication, 
                                             "needs it, with a threshold L"
                                           : "high_gain_ekf.communication.trigger: it needs kind "
                                             "triggered");
-    if (communication->link != NULL && communication->kind != DSE_HIGH_GAIN_TICK)
-        return error_set(error, "high_gain_ekf.communication.link: delays and losses go with kind "
-                                "tick only");
     if (communication->kind != DSE_HIGH_GAIN_STAGES)
         return true;
     if (communication->every > 1)
@@ -226,9 +220,9 @@ bool high_gain_ekf_section_check(const struct high_gain_ekf_section *section, do
                          "high_gain_ekf.d: %.10g are %.3g sampling periods; it must be 1 to %d",
                          section->d, ticks, LONGEST_HORIZON);
     if (section->framework == HIGH_GAIN_EKF_CENTRALISED &&
-        (communication->link != NULL || communication->trigger != NULL || section->gains != NULL ||
+        (communication->trigger != NULL || section->gains != NULL ||
          section->predictor_parameters != NULL))
         return error_set(error, "high_gain_ekf.framework: a centralised filter talks to nobody; "
-                                "link, trigger, gains and predictor_parameters do not go with it");
+                                "trigger, gains and predictor_parameters do not go with it");
     return check_kind(communication, error);
 }

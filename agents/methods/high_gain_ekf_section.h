@@ -4,7 +4,6 @@
 #define DSE_METHODS_HIGH_GAIN_EKF_SECTION_H
 
 #include "dse/high_gain_ekf.h"
-#include "methods/lossy_link.h"
 #include "runtime/error.h"
 #include "runtime/scenario.h"
 
@@ -18,13 +17,13 @@ struct high_gain_ekf_trigger {
     unsigned H_count;
 };
 
-/* When the filters exchange their states. J is exchanged at every tick where it is summed. */
+/* When the filters exchange their states. J is exchanged at every tick where it is summed. What is
+ * late or lost is networks[].link. */
 struct high_gain_ekf_communication {
     enum dse_high_gain_communication kind;
     unsigned every;                         /* ticks between exchanges, 0: 1 */
     enum dse_high_gain_predictor predictor; /* what the neighbours' states do in between */
     struct high_gain_ekf_trigger *trigger;  /* with kind triggered, else NULL */
-    struct lossy_link_section *link;        /* delays and losses, NULL: none */
 };
 
 /* Lists run over the subsystems in the plant's order; Q and P0 hold the diagonals of Q_1, Q_2, ..

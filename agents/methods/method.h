@@ -24,6 +24,7 @@
 #include <stdint.h>
 
 #include "dse/health.h"
+#include "dse/link.h"
 #include "dse/plant.h"
 #include "runtime/error.h"
 #include "runtime/scenario.h"
@@ -116,6 +117,10 @@ struct method_setup {
     const void *section; /* the network's section for this method, of section_size bytes */
     const struct method_graph *graph; /* networks[].graph; NULL: the scenario gives none. A method
                                        * that has no use for a graph refuses one */
+    const struct dse_link_config *link; /* networks[].link for all pairs, with outages counted in
+                                         * samples; NULL: nothing is late or lost. What is sent on
+                                         * the bus arrives: the method puts delays and losses in
+                                         * where it receives, see methods/lossy_link.h */
     const struct dse_plant *process;  /* scenario->process */
     const dse_real *prepared;         /* the estimators' own plant constants; outlive the node */
     double period;                    /* in the plant's time unit */
@@ -128,6 +133,8 @@ struct method {
     const cyaml_schema_field_t *fields; /* schema of the section, ends with CYAML_FIELD_END */
     unsigned section_size;              /* sizeof of the structure that the fields fill */
     const struct scenario_rule *rules;  /* limits of its numbers, ends with key NULL */
+    bool uses_link;                     /* it honours setup->link; false: a scenario with a link
+                                         * is refused */
 
     /* Number of nodes, the coordinator included. */
     int (*nodes)(const struct method_setup *setup);

@@ -15,6 +15,7 @@ const struct method *network_method(const struct scenario *scenario, int network
                                    .network = section,
                                    .section = section->section[index],
                                    .graph = section->neighbours,
+                                   .link = scenario_link_fates(section),
                                    .process = scenario->process,
                                    .period = scenario_period(scenario)};
     return method;

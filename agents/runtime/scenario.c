@@ -1,14 +1,14 @@
 /* From a file to a checked scenario. */
 #include "runtime/scenario.h"
 
-#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "methods/method.h"
 #include "runtime/scenario_internal.h"
 
-#define MAX_FILE_SIZE (1024 * 1024)
+#define MAX_FILE_SIZE    (1024 * 1024)
+#define DEFAULT_PATIENCE 5.0
 
 /* ---- libcyaml ---- */
 
@@ -88,8 +88,10 @@ static struct scenario *read_tree(struct scenario_tree *tree, const char *yaml, 
         return NULL;
     scenario->hash = scenario_hash(scenario, &schema.root);
     if (scenario_judge(tree, scenario, error) &&
-        (keep_origin(scenario, yaml, tree) || error_set(error, "%s: out of memory", tree->file)))
+        (keep_origin(scenario, yaml, tree) || error_set(error, "%s: out of memory", tree->file))) {
+        scenario->hash = scenario_hash_fates(scenario->hash, scenario);
         return scenario;
+    }
     scenario_free(scenario);
     return NULL;
 }
@@ -97,46 +99,28 @@ static struct scenario *read_tree(struct scenario_tree *tree, const char *yaml, 
 struct scenario *scenario_parse(const char *yaml, const char *file, const char *const *overrides,
                                 unsigned overrides_count, struct error *error)
 {
+    return scenario_parse_recorded(yaml, file, NULL, 0, overrides, overrides_count, error);
+}
+
+struct scenario *scenario_parse_recorded(const char *yaml, const char *file,
+                                         const struct scenario_part *parts, unsigned parts_count,
+                                         const char *const *overrides, unsigned overrides_count,
+                                         struct error *error)
+{
     struct scenario_tree tree;
     if (!scenario_tree_load(&tree, yaml, file, overrides, overrides_count, error))
         return NULL;
+    tree.parts = parts;
+    tree.parts_count = parts_count;
     struct scenario *scenario = read_tree(&tree, yaml, error);
     scenario_tree_free(&tree);
     return scenario;
 }
 
-/* The whole file as text, freed by the caller; NULL and an error on failure. */
-static char *read_text(const char *path, struct error *error)
-{
-    FILE *file = fopen(path, "rb");
-    char *text = malloc(MAX_FILE_SIZE + 2);
-    size_t size = 0;
-    if (file == NULL) {
-        error_set(error, "%s: %s", path, strerror(errno));
-    } else if (text == NULL) {
-        error_set(error, "%s: out of memory", path);
-    } else {
-        size = fread(text, 1, MAX_FILE_SIZE + 1, file);
-        text[size] = '\0';
-        if (ferror(file))
-            error_set(error, "%s: %s", path, strerror(errno));
-        else if (size > MAX_FILE_SIZE)
-            error_set(error, "%s: is larger than %d bytes: not a scenario", path, MAX_FILE_SIZE);
-        else if (strlen(text) != size)
-            error_set(error, "%s: contains a zero byte: not a scenario", path);
-    }
-    if (file != NULL)
-        fclose(file);
-    if (error->text[0] == '\0')
-        return text;
-    free(text);
-    return NULL;
-}
-
 struct scenario *scenario_read(const char *path, const char *const *overrides,
                                unsigned overrides_count, struct error *error)
 {
-    char *text = read_text(path, error);
+    char *text = scenario_text(path, error);
     if (text == NULL)
         return NULL;
     struct scenario *scenario = scenario_parse(text, path, overrides, overrides_count, error);
@@ -150,8 +134,11 @@ void scenario_free(struct scenario *scenario)
         return;
     for (unsigned i = 0; i < scenario->overrides_count; i++)
         free(scenario->overrides[i]);
-    for (unsigned i = 0; i < scenario->networks_count; i++)
+    for (unsigned i = 0; i < scenario->networks_count; i++) {
         scenario_graph_free(scenario->networks[i].neighbours);
+        scenario_link_free(scenario->networks[i].fates);
+    }
+    scenario_parts_free(scenario->parts, scenario->parts_count);
     scenario_linear_free(scenario->linear);
     free(scenario->overrides);
     free(scenario->yaml);
@@ -169,6 +156,12 @@ int64_t scenario_samples(const struct scenario *scenario)
 double scenario_period(const struct scenario *scenario)
 {
     return scenario->time.period_s / (double)scenario->process->time_unit_s;
+}
+
+double scenario_patience_s(const struct scenario *scenario)
+{
+    double given = scenario->timeouts.patience_s;
+    return given > 0 ? given : DEFAULT_PATIENCE;
 }
 
 int scenario_method(const struct scenario_network *network)

@@ -2,6 +2,7 @@
  */
 #include <string.h>
 
+#include "methods/method.h"
 #include "runtime/scenario_internal.h"
 
 #define FNV_OFFSET 0xcbf29ce484222325u
@@ -151,4 +152,18 @@ static uint64_t add_fields(uint64_t hash, const cyaml_schema_field_t *fields,
 uint64_t scenario_hash(const struct scenario *scenario, const cyaml_schema_value_t *schema)
 {
     return add_fields(FNV_OFFSET, schema->mapping.fields, (const unsigned char *)scenario, true);
+}
+
+uint64_t scenario_hash_fates(uint64_t hash, const struct scenario *scenario)
+{
+    for (unsigned i = 0; i < scenario->networks_count; i++) {
+        const struct dse_link_config *link = scenario_link_fates(&scenario->networks[i]);
+        if (link == NULL || link->table == NULL)
+            continue;
+        const int64_t entries = (int64_t)link->nodes * link->nodes * link->stamps;
+        hash = add_number(hash, (uint64_t)link->stamps);
+        for (int64_t k = 0; k < entries; k++)
+            hash = add_number(hash, (uint64_t)(int64_t)link->table[k]);
+    }
+    return hash;
 }

@@ -66,6 +66,8 @@ struct scenario_tree {
     const char *const *overrides;
     unsigned overrides_count;
     struct scenario_linear_plant *linear; /* made by scenario_check, taken by scenario_judge */
+    const struct scenario_part *parts;    /* given with the text, else read from files */
+    unsigned parts_count;
 };
 
 /* Nothing to free after a failure. */
@@ -132,7 +134,22 @@ bool scenario_graph_make(struct scenario_tree *tree, const char *path,
                          struct scenario_network *network, struct error *error);
 /* graph may be NULL. */
 void scenario_graph_free(struct method_graph *graph);
+/* networks[i].fates from its link, scenario_link.c; the rest of the network is judged already. */
+bool scenario_link_make(struct scenario_tree *tree, struct scenario *scenario, unsigned i,
+                        struct error *error);
+/* fates may be NULL. */
+void scenario_link_free(struct scenario_fates *fates);
+/* The text of a file that the scenario names, kept in scenario->parts, scenario_part.c. NULL and an
+ * error text when there is none. */
+const char *scenario_part_text(const struct scenario_tree *tree, struct scenario *scenario,
+                               const char *name, struct error *error);
+void scenario_parts_free(struct scenario_part *parts, unsigned count);
+/* A whole file that has at most 1 MiB and no zero byte, freed by the caller; NULL and an error text
+ * on failure. */
+char *scenario_text(const char *path, struct error *error);
 uint64_t scenario_hash(const struct scenario *scenario, const cyaml_schema_value_t *schema);
+/* The hash with the fates of recorded networks. */
+uint64_t scenario_hash_fates(uint64_t hash, const struct scenario *scenario);
 
 /* A finite number, plainly written; false and what is wrong with it otherwise. */
 bool scenario_number(const char *text, double *value, const char **wrong);

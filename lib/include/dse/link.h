@@ -27,6 +27,13 @@
 /* The largest age of what is known, in instants. */
 #define DSE_LINK_MAX_AGE(D, T_m) ((D) + (T_m))
 
+/* Nothing arrives of what `from` sends to `to` at instants first .. end - 1. -1: any node. Whatever
+ * T_m and a table say: an outage is not one of the losses that they count. */
+struct dse_link_outage {
+    int from, to;
+    int64_t first, end;
+};
+
 struct dse_link_config {
     int max_delay;  /* D >= 0 */
     int max_losses; /* T_m >= 0; not used with a table */
@@ -35,7 +42,9 @@ struct dse_link_config {
     /* A recorded network: table[(to nodes + from) stamps + s] is the delay of the packet with stamp
      * s, negative when it was lost. NULL: random. After its end everything comes at once. */
     const int16_t *table;
-    int nodes, stamps; /* sizes of the table */
+    int nodes, stamps;                     /* sizes of the table */
+    const struct dse_link_outage *outages; /* NULL: none */
+    int n_outages;
 };
 
 /* One ordered pair, receiver `to` and sender `from`. */
@@ -45,6 +54,9 @@ struct dse_link {
     struct dse_random random;
     int losses;   /* consecutive, up to stamp `next` */
     int64_t next; /* first stamp whose fate has not been asked for */
+    uint64_t key; /* of the draws of dse_link_lost */
+    int round;    /* of stamp next - 1: the last one that dse_link_lost was asked for */
+    bool lost;    /* and its answer */
 };
 
 /* DSE_EINVAL: a setting outside its range, or a pair outside the table. */
@@ -58,6 +70,15 @@ enum dse_status dse_link_init(struct dse_link *link, const struct dse_link_confi
  * T_m before it were, else its delay is uniform on 0..D. Every stamp takes two draws of the pair's
  * own stream, so that gaps change nothing behind them. */
 int dse_link_fate(struct dse_link *link, int64_t stamp);
+
+/* For methods that talk several times at each instant, where what is late is of no use: whether the
+ * message of this instant and round is lost. Each message has a draw of its own, from the seed, the
+ * pair, the instant and the round, so that nothing depends on how many rounds there were before;
+ * T_m bounds the consecutive losses among the messages that were asked for. They are asked for in
+ * ascending order: the last one again has the same answer, one before it is lost. With a table all
+ * messages of an instant are lost unless its packet came at once. A link is asked by this function
+ * or by dse_link_fate, not by both. */
+bool dse_link_lost(struct dse_link *link, int64_t stamp, int round);
 
 /* ---- packets of one pair under way ---- */
 
