@@ -39,6 +39,7 @@
 #include "dse/model.h"
 #include "dse/real.h"
 #include "dse/status.h"
+#include "dse/window_qp.h"
 
 enum dse_mhe_scheme {
     DSE_MHE_ALONE = 0,     /* decentralised (2.19), or centralised (2.5) */
@@ -107,18 +108,125 @@ struct dse_mhe_local_config {
     /* (min_horizon - 1) x nx: the plant's open-loop prediction from sample 0 on, part of this
      * subsystem, see dse_mhe_open_loop; NULL: x0 predicted by A_ii. */
     const dse_real *start;
+    /* Second solvers for bounded windows, see dse/window_qp.h; NULL: none. */
+    const struct dse_window_qp_backend *backend;       /* z = x, rows w */
+    const struct dse_window_qp_backend *price_backend; /* z = (x, w) */
 };
 
-struct dse_mhe_local; /* below */
-
 /* Arrays for messages: reals at most. */
-#define DSE_MHE_HEADER           6
+#define DSE_MHE_HEADER           5
 #define DSE_MHE_BITS_PER_REAL    24
 #define DSE_MHE_BIT_WORDS(bits)  (((bits) + DSE_MHE_BITS_PER_REAL - 1) / DSE_MHE_BITS_PER_REAL)
 #define DSE_MHE_DOWN_SIZE(nx, N) (DSE_MHE_HEADER + 2 * ((N)-1) * (nx) + (N) * (nx))
 #define DSE_MHE_UP_SIZE(nx, ny, N)                                                                 \
     (DSE_MHE_HEADER + DSE_MHE_BIT_WORDS((N) * (ny)) + DSE_MHE_BIT_WORDS((2 * (N)-1) * (nx)) +      \
      (2 * (N)-1) * (nx))
+
+/* ---- what the objects consist of ---- */
+
+/* A block-tridiagonal matrix and its Cholesky factor; lib/mhe/chain_internal.h. */
+struct dse_mhe_chain {
+    int n, length;
+    dse_real *D, *U; /* blocks n x n: diagonal, and right of it (one less) */
+    dse_real *L, *V; /* their factors */
+    dse_real *work;  /* n */
+};
+#define DSE_MHE_CHAIN_STORAGE(n, N) ((4 * (N)-2) * (n) * (n) + (n))
+
+/* What a transition costs, 1/2 |G x - ..|^2_S with G x = x(t+1) - A x(t), and for a problem with a
+ * price how the rest follows from x: h = T'G x - V p, w = G x - h. */
+struct dse_mhe_penalty {
+    dse_real *S;    /* nx x nx: Q^-1, or (Q + D)^-1 */
+    dse_real *AtS;  /* A'S */
+    dse_real *AtSA; /* A'S A */
+    dse_real *T;    /* S D */
+    dse_real *V;    /* Q S D */
+};
+
+/* What is known of the outputs of a subsystem. */
+struct dse_mhe_outputs {
+    const struct dse_mhe_subsystem *subsystem;
+    dse_real *L;       /* ny x ny: R = L L' */
+    dse_real *rows;    /* ny x nx: L^-1 C */
+    dse_real *partial; /* ny x nx: the same where channels are missing */
+    dse_real *L_partial;
+    dse_real *white; /* ny */
+};
+
+/* The bounded problem of a window and its memory. */
+struct dse_mhe_bounded {
+    struct dse_window_qp qp;
+    struct dse_window_qp_config config;
+    struct dse_window_qp_problem problem;
+    dse_real *diagonal, *below; /* N nz x nz blocks, and the one below each of them */
+    dse_real *c, *lower, *upper, *row_lower, *row_upper;
+    dse_real *E;                     /* nx x nx: -A */
+    const dse_real **diagonal_block; /* N pointers into the above */
+    const dse_real **below_block;
+};
+
+/* A window of states with the disturbances, interactions and multipliers that belong to it. */
+struct dse_mhe_solution {
+    dse_real *X;     /* H nx */
+    dse_real *W;     /* (H-1) nx */
+    dse_real *other; /* (H-1) nx: h_i (PRICE) or lambda_i (PREDICTION, ALONE) */
+    dse_real J;
+};
+
+struct dse_mhe_local {
+    const struct dse_mhe_local_config *config;
+    const struct dse_mhe_settings *settings;
+    const struct dse_mhe_subsystem *subsystem;
+    int nx, ny, N;
+    bool bounded;
+    bool begun;
+    long newest;
+    int length; /* H */
+
+    struct dse_mhe_outputs outputs;
+    dse_real *y, *has; /* N x ny, oldest first: outputs, 1 where there is one */
+    dse_real *c;       /* N x nx: C'R^-1 y (+ P^-1 xbar in the oldest) */
+    dse_real *past;    /* N x nx: estimates of the samples when they were the newest */
+    dse_real *xbar;    /* nx */
+    bool data_changed; /* the matrices of the window are not those of the last factors */
+
+    struct dse_mhe_penalty own, price;
+    struct dse_mhe_chain own_chain, price_chain; /* Omega_ii, M_x,i */
+    enum dse_status own_status, price_status;    /* of their factors */
+    struct dse_mhe_chain barrier_chain;
+    struct dse_mhe_bounded own_qp, price_qp;
+
+    dse_real *g; /* (N-1) nx: Th_i'p */
+    dse_real *d; /* (N-1) nx: h_i or p_i */
+    int received_length;
+    long received_sample;
+    bool has_received; /* ever */
+    bool fresh;        /* for this round */
+    bool heard;        /* in this sample */
+    int round;
+    int flags; /* of the last message down in this sample */
+
+    struct dse_mhe_solution current, kept;
+    bool kept_exists;
+    bool used_held;              /* the last problem was solved with held data, */
+    bool used_nothing;           /* or with none */
+    enum dse_status last_status; /* of the last problem */
+    int solved;                  /* rounds in this sample */
+    int active;
+    dse_real certificate;
+    dse_real *sent; /* N nx: X_i as the coordinator knows it */
+    int sent_length;
+    bool sends;
+
+    dse_real *rhs;    /* N nx */
+    dse_real *work;   /* N nx */
+    dse_real *newton; /* 6 N nx: of the barrier's Newton steps */
+    dse_real *x;      /* N nx: window of the finished sample */
+    int finished_length;
+    long finished_sample;
+    enum dse_mhe_status status;
+    bool is_own; /* the finished estimate is that of the unbounded problem without neighbours */
+};
 
 /* Reals that dse_mhe_local_init takes of the arena for this configuration; 0: it is not valid. */
 int dse_mhe_local_storage(const struct dse_mhe_local_config *config);
@@ -239,7 +347,78 @@ struct dse_mhe_coordinator_config {
     const dse_real *p_weight;
 };
 
-struct dse_mhe_coordinator; /* below */
+/* How the dual function of the price-driven scheme bends, and what its matrices are made of. */
+struct dse_mhe_dual {
+    bool known;       /* for the window, the data and the agents at hand */
+    dse_real *has;    /* N x ny per subsystem, packed by length: outputs that the agents have */
+    dse_real *used;   /* the same and who was alive, when the matrix was made */
+    dse_real *matrix; /* -Hd0 without bounds: ((N-1) n)^2; its factor when nobody has bounds */
+    dse_real *active; /* -Hd of the active bounds; only with bounds, */
+    dse_real *factor; /* and the factor of the sum that is stepped with */
+    dse_real *bits;   /* active bounds, a bit map per subsystem */
+    dse_real *column; /* 2 N nx_max */
+    dse_real *scratch;
+    struct dse_mhe_chain chain;
+    struct dse_mhe_outputs outputs;
+    struct dse_mhe_penalty penalty, disturbance;
+};
+
+/* Prices: the point in use, the best one so far, and how it was found. */
+struct dse_mhe_prices {
+    dse_real *E; /* (N-1) n: of the point in use */
+    dse_real *best_p, *best_E;
+    dse_real *step;
+    dse_real *reference; /* (N-1) n: h of the last re-centring */
+    dse_real best_J, best_norm, tau;
+    dse_real expected; /* E'd - 1/2 d'(-Hd)d */
+    bool has_best;
+    bool unbounded_round; /* the closed-form start */
+    int recentred;
+};
+
+/* Anderson acceleration: past answers and how far each was from what had been asked. */
+struct dse_mhe_anderson {
+    int memory, count;
+    dse_real *f, *r; /* (memory + 1) x 2 N n, the newest first */
+    dse_real *QR;    /* 2 N n x memory, weighted differences of r */
+    dse_real *b, *tau, *gamma;
+};
+
+struct dse_mhe_coordinator {
+    const struct dse_mhe_coordinator_config *config;
+    const struct dse_mhe_settings *settings;
+    int n, parts, N, ny, nx_max, ny_max;
+    bool bounded;
+    int *first;           /* parts + 1: first state of each subsystem */
+    int *first_output;    /* parts + 1 */
+    int *neighbour_first; /* parts + 1: into */
+    int *neighbour;       /* those that a subsystem is coupled with, in either direction */
+    int *silent;          /* rounds without an answer */
+    int *age;             /* samples since the data that are held */
+    int *state;           /* bits: see lib/mhe/coordinator_internal.h */
+
+    bool begun;
+    long newest;
+    int length, last_length;
+    int round;
+    int uplinks;
+    enum dse_mhe_outcome outcome;
+    dse_real error;
+    bool accepted; /* the answers of the last round are the best so far */
+
+    dse_real *asked;  /* N n: X whose interactions the agents were given (PREDICTION) */
+    dse_real *p;      /* (N-1) n: the prices that they were given */
+    dse_real *X;      /* N n: as last received */
+    dse_real *other;  /* (N-1) n: h_i (PRICE), lambda_i (PREDICTION), as last received */
+    dse_real *J;      /* parts */
+    dse_real *work;   /* N n */
+    dse_real relaxed; /* part of the way to the last answer after infeasible ones */
+    dse_real *plain;  /* 2 N n: the last answer in full, to go back to */
+    bool has_plain;
+    struct dse_mhe_dual dual;
+    struct dse_mhe_prices prices;
+    struct dse_mhe_anderson anderson;
+};
 
 /* Reals that dse_mhe_coordinator_init takes of the arena; 0: the configuration is not valid. */
 int dse_mhe_coordinator_storage(const struct dse_mhe_coordinator_config *config);
