@@ -149,7 +149,7 @@ struct dse_dkf {
     int n_integrated;    /* reals of the state that a Runge-Kutta step moves */
     int n_state;         /* reals of `now` */
     int halvings;
-    dse_real beta;
+    dse_real rate; /* of the law: beta, discrete: gamma beta */
     bool riccati, lyapunov, discrete;
     dse_real t;
     const dse_real *u;
@@ -159,23 +159,23 @@ struct dse_dkf {
     dse_real *next;      /* likewise: filled by a step and exchanged for `now` on success */
     dse_real *filtered;  /* nx, discrete: the corrected estimate */
     dse_real *direction; /* nx x ny, discrete: D of this step */
-    dse_real *direction_next;
+    dse_real *A_before;  /* nx x nx, discrete with FILTERED: A(k-1) */
     dse_real *said;      /* n_neighbours x width: C_i xh_j, or xh_j with STANDARD */
     dse_real *age;       /* n_neighbours: steps since it was heard; DSE_DKF_AWAY: not in use */
     dse_real *y;         /* ny */
     dse_real *has;       /* ny: 1 where there is a value, else 0 */
     dse_real *residual;  /* ny: eps of the last correct */
+    dse_real *adapts;    /* ny: 1 where `residual` may move a gain's row */
     dse_real *R_inverse; /* ny x ny */
     dse_real *R_present; /* ny x ny: that of the channels that there are, the others 0 */
     dse_real *global;    /* ny x ny: the sum from outside */
     dse_real *scratch;
     int width;
     bool has_global;
-    bool corrected; /* correct has been called in this sample */
-    bool refused;   /* a message was, in this sample */
-    bool complete;  /* all own channels are there */
-    int present;    /* own channels that are there */
-    long used_ever;
+    bool has_before; /* there is an A(k-1) */
+    bool corrected;  /* correct has been called in this sample */
+    bool refused;    /* a message was, in this sample */
+    int present;     /* own channels that are there */
     enum dse_health health;
     struct dse_dkf_counts counts;
 };
@@ -193,7 +193,7 @@ struct dse_dkf {
     (4 * (nx) * (nx) + 4 * (nx) * (ny) + 2 * (ny) * (ny) + 4 * (ny) + 2 * (nx))
 #define DSE_DKF_STORAGE_WITH(nx, ny, neighbours, matrices)                                         \
     (2 * DSE_DKF_STATE(nx, ny, neighbours, matrices) + (nx) + 2 * (nx) * (ny) +                    \
-     (neighbours) * (DSE_DKF_LARGER(nx, ny) + 1) + 3 * (ny) + 3 * (ny) * (ny) +                    \
+     (neighbours) * (DSE_DKF_LARGER(nx, ny) + 1) + 4 * (ny) + 3 * (ny) * (ny) +                    \
      DSE_DKF_LARGER(DSE_DKF_SCRATCH_CONTINUOUS(nx, ny, neighbours, matrices),                      \
                     DSE_DKF_SCRATCH_DISCRETE(nx, ny)))
 /* Reals that dse_dkf_init takes at most for a node with so many neighbours .. */
@@ -268,9 +268,9 @@ const dse_real *dse_dkf_residual(const struct dse_dkf *dkf);
 bool dse_dkf_uses(const struct dse_dkf *dkf, int j);
 /* Frobenius norm of the largest Gamma. */
 dse_real dse_dkf_largest_gain(const struct dse_dkf *dkf);
-/* period gamma |C D sum_j Gamma_ij| (discrete: without the period) over the neighbours in use, D at
- * present: how far the coupling moves the output in one step. Beyond about 2 the step overshoots
- * and the estimate is in danger. */
+/* period gamma |C D sum_j Gamma_ij| (discrete: without the period; STANDARD: period gamma |sum_j
+ * P|) over the neighbours in use, D at present: how far the coupling moves the output in one step.
+ * Beyond about 2 the step overshoots and the estimate is in danger. */
 dse_real dse_dkf_loop_gain(const struct dse_dkf *dkf);
 /* Initialising until an own channel is used; coasting without one; rejecting when a message was
  * refused in this sample; diverged after a failed step, until one succeeds. */

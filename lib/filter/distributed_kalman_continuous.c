@@ -1,0 +1,229 @@
+/* Distributed Kalman filter, continuous: one Runge-Kutta step of estimate, covariance, gains and
+ * Lyapunov matrix together. */
+#include "distributed_kalman_internal.h"
+#include "dse/math.h"
+#include "dse/ode.h"
+
+/* Scratch of the right-hand side. */
+struct workspace {
+    dse_real *A;    /* nx x nx */
+    dse_real *AP;   /* nx x nx */
+    dse_real *CP;   /* ny x nx: C P, or C W */
+    dse_real *T;    /* ny x nx */
+    dse_real *Cx;   /* ny */
+    dse_real *eps;  /* ny */
+    dse_real *d;    /* 2 ny */
+    dse_real *q;    /* ny */
+    dse_real *pull; /* ny: what C P' is multiplied by */
+    dse_real *s;    /* nx */
+    dse_real *rest; /* of the Runge-Kutta step */
+};
+
+static struct workspace workspace(const struct dse_dkf *dkf)
+{
+    const int n = dkf->nx, m = dkf->ny;
+    dse_real *scratch = dkf->scratch;
+    struct workspace w;
+    w.A = dkf_take(&scratch, n * n);
+    w.AP = dkf_take(&scratch, n * n);
+    w.CP = dkf_take(&scratch, m * n);
+    w.T = dkf_take(&scratch, m * n);
+    w.Cx = dkf_take(&scratch, m);
+    w.eps = dkf_take(&scratch, m);
+    w.d = dkf_take(&scratch, 2 * m);
+    w.q = dkf_take(&scratch, m);
+    w.pull = dkf_take(&scratch, m);
+    w.s = dkf_take(&scratch, n);
+    w.rest = scratch;
+    return w;
+}
+
+/* ---- the right-hand side ---- */
+
+struct step {
+    const struct dse_dkf *dkf;
+    struct workspace w;
+};
+
+/* dX = F + F' + Q - U' T, each element computed once: X stays symmetric bit for bit. Q, or U and T
+ * (m x n) may be NULL. */
+static void symmetric_rate(int n, int m, const dse_real *F, const dse_real *Q, const dse_real *U,
+                           const dse_real *T, dse_real *dX)
+{
+    for (int i = 0; i < n; i++) {
+        for (int j = i; j < n; j++) {
+            dse_real rate = F[i * n + j] + F[j * n + i];
+            if (Q != NULL)
+                rate += Q[i * n + j];
+            for (int l = 0; l < m; l++)
+                rate -= U[l * n + i] * T[l * n + j];
+            dX[i * n + j] = rate;
+            dX[j * n + i] = rate;
+        }
+    }
+}
+
+/* P' = A P + P A' + Q - (C P)' R^-1 (C P); leaves C P behind. */
+static void riccati_rate(const struct dse_dkf *dkf, struct workspace *w, const dse_real *P,
+                         dse_real *dP)
+{
+    const int n = dkf->nx, m = dkf->ny;
+    dse_mat_mul(n, n, n, w->A, P, w->AP);
+    dse_mat_mul(m, n, n, dkf->config->sensor.C, P, w->CP);
+    dse_mat_mul(m, m, n, dkf->R_present, w->CP, w->T);
+    symmetric_rate(n, m, w->AP, dkf->config->Q, w->CP, w->T, dP);
+}
+
+/* W' = A_i W + W A_i' + S,  A_i = A - K C, K = (R^-1 C P)' = T' when it is not given; leaves C W
+ * behind. */
+static void lyapunov_rate(const struct dse_dkf *dkf, struct workspace *w, const dse_real *W,
+                          dse_real *dW)
+{
+    const int n = dkf->nx, m = dkf->ny;
+    const dse_real *K = dkf->config->K;
+    dse_mat_mul(n, n, n, w->A, W, w->AP);
+    dse_mat_mul(m, n, n, dkf->config->sensor.C, W, w->CP);
+    for (int i = 0; i < n; i++)
+        for (int l = 0; l < m; l++) /* (A - K C) W */
+            dse_axpy(n, K != NULL ? -K[i * m + l] : -w->T[l * n + i], w->CP + l * n, w->AP + i * n);
+    symmetric_rate(n, 0, w->AP, dkf->config->S, NULL, NULL, dW);
+}
+
+/* dx += M' v for M m x n: gains of the form P C' = (C P)'. */
+static void add_transposed(int m, int n, const dse_real *M, const dse_real *v, dse_real *dx)
+{
+    for (int l = 0; l < m; l++)
+        dse_axpy(n, v[l], M + l * n, dx);
+}
+
+/* dx += a M v for M n x m. */
+static void add_product(int n, int m, dse_real a, const dse_real *M, const dse_real *v,
+                        dse_real *dx)
+{
+    for (int i = 0; i < n; i++)
+        dx[i] += a * dse_dot(m, M + i * m, v);
+}
+
+/* dx += K eps + gamma D q, of which the parts that are P C' times something; needs C P. */
+static void pull_by_covariance(const struct dse_dkf *dkf, struct workspace *w, dse_real *dx)
+{
+    const struct dse_dkf_config *config = dkf->config;
+    const int n = dkf->nx, m = dkf->ny;
+    dse_mat_vec(m, m, dkf->R_present, w->eps, w->pull); /* K eps = P C' R^-1 eps */
+    if (dkf->n_gains > 0 && config->direction == DSE_DKF_COVARIANCE)
+        dse_axpy(m, config->gamma, w->q, w->pull); /* D q = P C' q */
+    if (dkf->n_gains > 0 && config->direction == DSE_DKF_GAIN)
+        add_product(m, m, config->gamma, dkf->R_inverse, w->q, w->pull); /* D q = P C' R^-1 q */
+    add_transposed(m, n, w->CP, w->pull, dx);
+}
+
+/* Gamma' and q. With D = K the residual of the law is R^-1 eps. */
+static void couple(const struct dse_dkf *dkf, struct workspace *w, const dse_real *gains,
+                   dse_real *dgains)
+{
+    const int m = dkf->ny;
+    const dse_real *eps = w->eps;
+    if (dkf->config->direction == DSE_DKF_GAIN) {
+        dse_mat_vec(m, m, dkf->R_present, w->eps, w->pull);
+        eps = w->pull;
+    }
+    dkf_couple(dkf, gains, w->Cx, eps, w->d, w->q, dgains);
+}
+
+static enum dse_status rates(void *context, dse_real t, const dse_real *state, dse_real *rate)
+{
+    struct step *step = context;
+    const struct dse_dkf *dkf = step->dkf;
+    const struct dse_dkf_config *config = dkf->config;
+    struct workspace *w = &step->w;
+    const int n = dkf->nx, m = dkf->ny;
+    /* parts of what is only read, and of what is only written */
+    const struct dkf_parts now = dkf_parts(dkf, (dse_real *)state), d = dkf_parts(dkf, rate);
+
+    const enum dse_status status = dkf_plant(dkf, t, now.x, w->A, d.x); /* A xh */
+    if (status != DSE_OK)
+        return status;
+    dkf_residual(dkf, now.x, w->Cx, w->eps);
+    if (dkf->n_gains > 0)
+        couple(dkf, w, now.gains, config->scheme == DSE_DKF_GLOBAL ? NULL : d.gains);
+    if (now.P != NULL) {
+        riccati_rate(dkf, w, now.P, d.P);
+        pull_by_covariance(dkf, w, d.x);
+    } else {
+        add_product(n, m, 1, config->K, w->eps, d.x);
+    }
+    if (now.W != NULL) {
+        lyapunov_rate(dkf, w, now.W, d.W);
+        for (int l = 0; l < m; l++)
+            w->q[l] *= config->gamma;
+        add_transposed(m, n, w->CP, w->q, d.x); /* gamma W C' q */
+    }
+    if (dkf->n_gains > 0 && config->direction == DSE_DKF_GIVEN)
+        add_product(n, m, config->gamma, config->D, w->q, d.x);
+    if (config->scheme == DSE_DKF_STANDARD) {
+        dkf_consensus(dkf, now.x, w->s);
+        add_product(n, n, config->gamma, now.P, w->s, d.x); /* gamma P sum_j (xh_j - xh_i) */
+    }
+    return DSE_OK;
+}
+
+/* ---- the step ---- */
+
+static enum dse_status check_definite(const struct dse_dkf *dkf, const struct workspace *w)
+{
+    const struct dkf_parts next = dkf_parts(dkf, dkf->next);
+    enum dse_status status = DSE_OK;
+    if (next.P != NULL)
+        status = dse_cholesky(dkf->nx, next.P, w->AP);
+    if (status == DSE_OK && next.W != NULL)
+        status = dse_cholesky(dkf->nx, next.W, w->AP);
+    return status;
+}
+
+/* `next` from `now` by `parts` steps of equal length. */
+static enum dse_status integrate(struct dse_dkf *dkf, struct step *step, int parts)
+{
+    const dse_real h = dkf->config->period / (dse_real)parts;
+    for (int k = 0; k < dkf->n_state; k++)
+        dkf->next[k] = dkf->now[k];
+    for (int part = 0; part < parts; part++) {
+        enum dse_status status = dse_rk4_step(rates, step, dkf->t + (dse_real)part * h, h,
+                                              dkf->n_integrated, dkf->next, step->w.rest);
+        if (status == DSE_OK)
+            status = check_definite(dkf, &step->w);
+        if (status != DSE_OK)
+            return status;
+    }
+    return DSE_OK;
+}
+
+/* Gamma(k+1) = Gamma(k) + h (beta sum_i eps_i s_i' - sigma Gamma(k))                       (2.12)
+ */
+static void adapt_global(struct dse_dkf *dkf)
+{
+    dse_real *gain = dkf_parts(dkf, dkf->next).gains;
+    for (int k = 0; k < dkf->ny * dkf->ny; k++)
+        gain[k] +=
+            dkf->config->period * (dkf->rate * dkf->global[k] - dkf->config->sigma * gain[k]);
+}
+
+enum dse_status dkf_advance_continuous(struct dse_dkf *dkf)
+{
+    struct step step = {.dkf = dkf, .w = workspace(dkf)};
+    enum dse_status status = integrate(dkf, &step, 1);
+    for (int k = 1; k <= dkf->halvings; k++) {
+        if (status != DSE_ENOTPD && status != DSE_ENONFINITE)
+            break;
+        status = integrate(dkf, &step, 1 << k);
+        dkf->counts.split += k == 1;
+    }
+    if (status != DSE_OK)
+        return status;
+    const struct dkf_parts next = dkf_parts(dkf, dkf->next);
+    if (dkf->has_global)
+        adapt_global(dkf);
+    if (!dse_all_finite(next.gains, dkf->n_gains * dkf->ny * dkf->ny))
+        return DSE_ENONFINITE;
+    dkf_limit(dkf, next.gains);
+    return DSE_OK;
+}

@@ -1,0 +1,65 @@
+/* What the parts of the distributed Kalman filter share. */
+#ifndef DSE_DISTRIBUTED_KALMAN_INTERNAL_H
+#define DSE_DISTRIBUTED_KALMAN_INTERNAL_H
+
+#include <stddef.h>
+
+#include "dse/distributed_kalman.h"
+
+/* Ages of a neighbour that is not in use. */
+#define DKF_NEVER DSE_REAL(-1) /* it has not been heard yet */
+#define DKF_GONE  DSE_REAL(-2) /* it was in use and fell silent */
+
+/* A state [xh; P; W; Gamma] by its parts. */
+struct dkf_parts {
+    dse_real *x;
+    dse_real *P;     /* NULL when K is given */
+    dse_real *W;     /* NULL but with LYAPUNOV */
+    dse_real *gains; /* n_gains x ny x ny */
+};
+
+static inline struct dkf_parts dkf_parts(const struct dse_dkf *dkf, dse_real *state)
+{
+    const int n = dkf->nx, square = n * n;
+    dse_real *P = state + n, *W = P + (dkf->riccati ? square : 0);
+    return (struct dkf_parts){.x = state,
+                              .P = dkf->riccati ? P : NULL,
+                              .W = dkf->lyapunov ? W : NULL,
+                              .gains = W + (dkf->lyapunov ? square : 0)};
+}
+
+/* The next `count` reals of a scratch. */
+static inline dse_real *dkf_take(dse_real **scratch, int count)
+{
+    dse_real *piece = *scratch;
+    *scratch += count;
+    return piece;
+}
+
+/* A (nx x nx) at t where more than f needs it; then dx = f(t, x, u), or A x without an f. */
+enum dse_status dkf_plant(const struct dse_dkf *dkf, dse_real t, const dse_real *x, dse_real *A,
+                          dse_real *dx);
+
+/* eps = y - C x of the channels that there are, 0 for the others; Cx = C x. */
+void dkf_residual(const struct dse_dkf *dkf, const dse_real *x, dse_real *Cx, dse_real *eps);
+
+/* The coupling of a state whose outputs are Cx: q (ny) = sum_j Gamma_ij d_ij over the neighbours in
+ * use; and, with dgains not NULL, dgains = beta eps d_ij' - sigma Gamma_ij where neighbour and
+ * channel are fresh, else 0. d: scratch of 2 ny. */
+void dkf_couple(const struct dse_dkf *dkf, const dse_real *gains, const dse_real *Cx,
+                const dse_real *eps, dse_real *d, dse_real *q, dse_real *dgains);
+/* The same sum of whole states, s (nx) = sum_j (xh_j - x): STANDARD. */
+void dkf_consensus(const struct dse_dkf *dkf, const dse_real *x, dse_real *s);
+/* |Gamma| <= limit for every gain of a state. */
+void dkf_limit(struct dse_dkf *dkf, dse_real *gains);
+
+/* inverse (ny x ny) = that of R for the channels with has != 0, zero in the rows and columns of the
+ * others. scratch: ny x ny. DSE_ENOTPD. */
+enum dse_status dkf_invert_noise(int ny, const dse_real *R, const dse_real *has, dse_real *inverse,
+                                 dse_real *scratch);
+
+enum dse_status dkf_correct_discrete(struct dse_dkf *dkf);
+enum dse_status dkf_advance_continuous(struct dse_dkf *dkf);
+enum dse_status dkf_advance_predictor(struct dse_dkf *dkf);
+
+#endif
