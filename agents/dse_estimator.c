@@ -61,13 +61,17 @@ static bool make_agents(const struct scenario *scenario, const struct options *o
 {
     bool known = choice->network == NULL;
     int most = 0;
+    int coordinators = 0;
     for (unsigned i = 0; i < scenario->networks_count; i++) {
         if (choice->network != NULL && strcmp(choice->network, scenario->networks[i].name) != 0)
             continue;
         known = true;
-        int nodes = network_nodes(scenario, (int)i, NULL, error);
+        bool coordinator = false;
+        int nodes = network_nodes(scenario, (int)i, &coordinator, error);
         if (nodes < 0)
             return false;
+        nodes -= coordinator; /* the last one, which dse-coordinator runs */
+        coordinators += coordinator;
         most = nodes > most ? nodes : most;
         for (int64_t n = choice->first; n <= choice->last && n < nodes; n++) {
             struct node_config config = {.scenario = scenario,
@@ -87,8 +91,9 @@ static bool make_agents(const struct scenario *scenario, const struct options *o
         return error_set(error, "--network %s: %s has no such network", choice->network,
                          scenario->file);
     if (choice->last >= most)
-        return error_set(error, "--node %d: the nodes of %s are 0 to %d", (int)choice->last,
-                         scenario->file, most - 1);
+        return error_set(error, "--node %d: the nodes of %s are 0 to %d%s", (int)choice->last,
+                         scenario->file, most - 1,
+                         coordinators > 0 ? "; dse-coordinator runs the coordinator" : "");
     return true;
 }
 

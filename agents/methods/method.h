@@ -85,8 +85,9 @@ struct method_message {
 struct method_plan {
     bool speak;        /* say the message; false: only listen */
     double patience_s; /* close the round after this without those who are missing: for a neighbour
-                        * that a method can do without, like a coordinator that may be gone. 0: as
-                        * the pace says (lockstep waits until the run is given up) */
+                        * that a method can do without, like a coordinator that may be gone; it is
+                        * not waited for again until it has said something. 0: as the pace says
+                        * (lockstep waits until the run is given up) */
     int n_wait;
     int wait[METHOD_MAX_NODES]; /* ascending subset of the neighbours */
 };

@@ -231,20 +231,40 @@ static void add_recorder_lag(struct argument_list *list, const struct scenario *
     add(list, list->lag);
 }
 
-/* The largest network's nodes, which get a process each, and the nodes of all networks. */
-static bool count_nodes(const struct scenario *scenario, int *nodes, int *agents,
-                        struct error *error)
+struct crowd {
+    int estimators; /* of the largest network: they get a process each */
+    bool coordinated;
+    int agents; /* of all networks, coordinators included */
+};
+
+static bool count_nodes(const struct scenario *scenario, struct crowd *crowd, struct error *error)
 {
-    *nodes = 0;
-    *agents = 0;
+    *crowd = (struct crowd){0};
     for (unsigned i = 0; i < scenario->networks_count; i++) {
-        int count = network_nodes(scenario, (int)i, NULL, error);
+        bool coordinator = false;
+        int count = network_nodes(scenario, (int)i, &coordinator, error);
         if (count < 0)
             return false;
-        *nodes = count > *nodes ? count : *nodes;
-        *agents += count;
+        crowd->agents += count;
+        crowd->coordinated = crowd->coordinated || coordinator;
+        count -= coordinator;
+        crowd->estimators = count > crowd->estimators ? count : crowd->estimators;
     }
     return true;
+}
+
+/* One process for the coordinators of all networks. */
+static bool start_coordinator(struct crew *crew, const struct run_options *options,
+                              const struct scenario *scenario, const char *url, int64_t run_id,
+                              struct error *error)
+{
+    char program[4096];
+    struct argument_list list = {0};
+    if (!program_beside("dse-coordinator", program, (int)sizeof program, error))
+        return false;
+    add(&list, program);
+    add_common(&list, options, scenario, url, run_id);
+    return spawn(crew, "dse-coordinator", list.items, error);
 }
 
 static bool start_agents(struct crew *crew, const struct run_options *options,
@@ -252,10 +272,11 @@ static bool start_agents(struct crew *crew, const struct run_options *options,
                          bool recording, struct error *error)
 {
     char program[4096], name[64], number[32];
-    int nodes, agents;
-    if (!count_nodes(scenario, &nodes, &agents, error) ||
+    struct crowd crowd;
+    if (!count_nodes(scenario, &crowd, error) ||
         !program_beside("dse-estimator", program, (int)sizeof program, error))
         return false;
+    int nodes = crowd.estimators;
     int processes = nodes;
     if (options->processes > 0 && options->processes < nodes)
         processes = options->processes;
@@ -275,6 +296,8 @@ static bool start_agents(struct crew *crew, const struct run_options *options,
         if (!spawn(crew, name, list.items, error))
             return false;
     }
+    if (crowd.coordinated && !start_coordinator(crew, options, scenario, url, run_id, error))
+        return false;
     if (options->common.pace == DSE_CLOCK_T_PACE_REPLAY)
         return true; /* lcm-logplayer is the plant */
     struct argument_list list = {0};
@@ -285,7 +308,7 @@ static bool start_agents(struct crew *crew, const struct run_options *options,
     add(&list, "--wait");
     add(&list, JOIN_TEXT);
     if (recording)
-        add_recorder_lag(&list, scenario, agents);
+        add_recorder_lag(&list, scenario, crowd.agents);
     return spawn(crew, "dse-plant", list.items, error);
 }
 

@@ -24,16 +24,22 @@
 #define REALTIME_GRACE  0.5 /* s after the last sample of a realtime run */
 #define DEFAULT_REPEAT  0.05
 #define DEFAULT_GIVE_UP 20.0
+#define QUIET           2.5 /* s without a word: a process that runs says one a second */
 
 enum phase { JOINING, WAITING, PAUSING, STOPPING };
 
 struct member {
     int network;
     int node;
+    bool coordinator;
+    bool coordinated; /* of a network with a coordinator: the others can go on without it */
     bool ready;
     bool finished;
+    bool late;        /* it has joined while the run was going on */
+    bool absent;      /* it is not waited for until it has caught up */
     int64_t instance; /* of the process that serves it */
-    int64_t done;     /* last sample that it finished, -1 */
+    int64_t done;     /* last sample that it finished, -1; while it is absent it counts as done */
+    double heard;     /* when it last said something */
 };
 
 struct clock {
@@ -119,13 +125,18 @@ static bool gather_members(struct clock *clock, struct error *error)
     for (int pass = 0; pass < 2; pass++) {
         int count = 0;
         for (unsigned i = 0; i < scenario->networks_count; i++) {
-            int nodes = network_nodes(scenario, (int)i, NULL, error);
+            bool coordinated;
+            int nodes = network_nodes(scenario, (int)i, &coordinated, error);
             if (nodes < 0)
                 return false;
             for (int node = 0; node < nodes; node++, count++)
                 if (pass == 1)
                     clock->members[count] =
-                        (struct member){.network = (int)i, .node = node, .done = -1};
+                        (struct member){.network = (int)i,
+                                        .node = node,
+                                        .coordinator = coordinated && node == nodes - 1,
+                                        .coordinated = coordinated,
+                                        .done = -1};
         }
         clock->n_members = count;
         if (pass == 0)
@@ -185,11 +196,16 @@ static double realtime_due(const struct clock *clock, int64_t k)
     return clock->began + (double)k * clock->config.scenario->time.period_s / speed;
 }
 
+static bool is_undone(const struct clock *clock, const struct member *member)
+{
+    return !member->absent && member->done < clock->k;
+}
+
 static int count_undone(const struct clock *clock)
 {
     int undone = 0;
     for (int i = 0; i < clock->n_members; i++)
-        undone += clock->members[i].done < clock->k;
+        undone += is_undone(clock, &clock->members[i]);
     return undone;
 }
 
@@ -233,11 +249,72 @@ static void start_run(struct clock *clock)
 {
     clock->state = AGENT_RUNNING;
     clock->began = host_now();
+    for (int i = 0; i < clock->n_members; i++)
+        clock->members[i].heard = clock->began;
     char *json = run_info_plant(clock->config.scenario, clock->config.run_id, clock->config.pace,
                                 clock->config.samples);
     announcement_begin(&clock->announcement, &clock->sender, json, clock->began);
     publish_clock(clock, DSE_CLOCK_T_EVENT_START);
     next_sample(clock);
+}
+
+/* ---- members that come and go ---- */
+
+/* The member takes part from the next sample on. All hear of it; only who needs it heeds it. */
+static void let_in(struct clock *clock, struct member *member)
+{
+    member->absent = false;
+    member->done = member->done > clock->k ? member->done : clock->k;
+    publish_clock(clock, DSE_CLOCK_T_EVENT_START);
+    advance(clock);
+}
+
+/* Somebody wants to join a run that is going on: in the place of a process that is silent, or
+ * because it has missed that the run began. In a lockstep run the latter is told by the sample
+ * that is repeated until it is done. */
+static void take_latecomer(struct clock *clock, struct member *member, int64_t instance)
+{
+    double now = host_now();
+    bool same = instance == member->instance;
+    bool waits = member->late || clock->config.pace == DSE_CLOCK_T_PACE_REALTIME;
+    bool silent = member->absent || now > member->heard + QUIET;
+    if (same ? !waits : !silent)
+        return;
+    member->instance = instance;
+    member->late = true;
+    member->heard = now;
+    let_in(clock, member);
+}
+
+/* The others of its network have used up their patience with it, or are about to. */
+static void go_on_without(struct clock *clock, double now)
+{
+    double patience = 2 * scenario_patience_s(clock->config.scenario);
+    bool others = true;
+    for (int i = 0; i < clock->n_members; i++)
+        others = others && (clock->members[i].coordinated || !is_undone(clock, &clock->members[i]));
+    if (!others || now <= clock->published + patience)
+        return;
+    for (int i = 0; i < clock->n_members; i++)
+        if (is_undone(clock, &clock->members[i]))
+            clock->members[i].absent = true;
+    advance(clock);
+}
+
+/* A member that takes part has left. */
+static void take_leave(struct clock *clock, struct member *member, const dse_status_t *message)
+{
+    if (member->coordinated) {
+        member->absent = true;
+        advance(clock);
+        return;
+    }
+    char name[96];
+    int length = message->reason_length;
+    if (length < 0 || length > (int)sizeof message->reason)
+        length = 0;
+    fail(clock, "%s left at sample %lld: %.*s", member_name(clock, member, name, (int)sizeof name),
+         (long long)clock->k, length, (const char *)message->reason);
 }
 
 /* ---- messages ---- */
@@ -247,8 +324,10 @@ static void on_status(void *user, const char *channel, const uint8_t *bytes, int
     (void)channel;
     struct clock *clock = user;
     dse_status_t message;
-    if (!message_status(bytes, length, &clock->counters, &message) ||
-        message.header.run_id != clock->config.run_id)
+    if (!message_status(bytes, length, &clock->counters, &message))
+        return;
+    bool seeks = message.header.run_id == 0 && message.state == DSE_STATUS_T_STATE_JOINING;
+    if (message.header.run_id != clock->config.run_id && !seeks)
         return;
     struct member *member = member_of(clock, &message.header);
     if (member == NULL || message.scenario_hash != (int64_t)clock->config.scenario->hash)
@@ -257,22 +336,18 @@ static void on_status(void *user, const char *channel, const uint8_t *bytes, int
         member->ready = true;
         member->instance = message.instance;
     }
+    bool going = clock->phase != JOINING && clock->phase != STOPPING;
+    if (going && message.state == DSE_STATUS_T_STATE_JOINING)
+        take_latecomer(clock, member, message.instance);
     if (message.instance != member->instance)
         return; /* a second process for this node, which leaves by itself */
+    member->heard = host_now();
     if (message.state == DSE_STATUS_T_STATE_FINISHED)
         member->finished = true;
     if (message.state == DSE_STATUS_T_STATE_FAILED && clock->phase == JOINING)
         member->ready = false;
-    bool taking_part = member->ready && clock->phase != JOINING && clock->phase != STOPPING;
-    if (taking_part && message.state >= DSE_STATUS_T_STATE_FINISHED) {
-        char name[96];
-        int reason_length = message.reason_length;
-        if (reason_length < 0 || reason_length > (int)sizeof message.reason)
-            reason_length = 0;
-        fail(clock, "%s left at sample %lld: %.*s",
-             member_name(clock, member, name, (int)sizeof name), (long long)clock->k, reason_length,
-             (const char *)message.reason);
-    }
+    if (going && member->ready && message.state >= DSE_STATUS_T_STATE_FINISHED)
+        take_leave(clock, member, &message);
 }
 
 /* Not to every repetition: several nodes may miss the same sample, and a repetition may be an old
@@ -303,6 +378,11 @@ static void on_done(void *user, const char *channel, const uint8_t *bytes, int l
     struct member *member = member_of(clock, &message.header);
     if (member == NULL)
         return;
+    member->heard = host_now();
+    if (member->absent) {
+        let_in(clock, member);
+        return;
+    }
     if (message.header.sample > member->done && message.header.sample <= clock->k) {
         member->done = message.header.sample;
         advance(clock);
@@ -329,9 +409,12 @@ static double poll_joining(struct clock *clock, double now)
     char name[96];
     if (clock->config.join_s > 0 && now > clock->began + clock->config.join_s) {
         member_name(clock, first, name, (int)sizeof name);
-        fail(clock, "%s%s did not join within %g s; start it with: dse-estimator %s --node %d",
-             name, missing > 1 ? " (and others)" : "", clock->config.join_s,
-             clock->config.scenario->file, first->node);
+        char text[32];
+        snprintf(text, sizeof text, " --node %d", first->node);
+        fail(clock, "%s%s did not join within %g s; start it with: dse-%s %s%s", name,
+             missing > 1 ? " (and others)" : "", clock->config.join_s,
+             first->coordinator ? "coordinator" : "estimator", clock->config.scenario->file,
+             first->coordinator ? "" : text);
         return now;
     }
     if (now >= clock->repeated + JOIN_PERIOD) {
@@ -350,7 +433,7 @@ static double poll_lockstep(struct clock *clock, double now)
         /* One second later than the nodes: who knows more about the cause speaks first. */
         char name[96];
         for (int i = 0; i < clock->n_members; i++)
-            if (clock->members[i].done < clock->k) {
+            if (is_undone(clock, &clock->members[i])) {
                 fail(clock, "%s has not finished sample %lld within %g s; its last sample was %lld",
                      member_name(clock, &clock->members[i], name, (int)sizeof name),
                      (long long)clock->k, give_up, (long long)clock->members[i].done);
@@ -360,6 +443,7 @@ static double poll_lockstep(struct clock *clock, double now)
              (long long)(clock->k - clock->config.recorder_lag), give_up);
         return now;
     }
+    go_on_without(clock, now);
     if (now >= clock->repeated + 2 * repeat && count_undone(clock) > 0) {
         publish_sample(clock, true);
         clock->repeated = now;
@@ -384,7 +468,8 @@ static double poll_stopping(struct clock *clock, double now)
 {
     bool all = true;
     for (int i = 0; i < clock->n_members; i++)
-        all = all && (clock->members[i].finished || !clock->members[i].ready);
+        all = all && (clock->members[i].finished || clock->members[i].absent ||
+                      !clock->members[i].ready);
     if (all || now > clock->began + STOP_PATIENCE) {
         clock->state = clock->failing ? AGENT_FAILED : AGENT_FINISHED;
         return now;

@@ -84,11 +84,13 @@ void node_finish(struct node *node)
     node_publish_status(node, DSE_STATUS_T_STATE_FINISHED);
 }
 
-void node_start(struct node *node)
+void node_start(struct node *node, int64_t k)
 {
     if (node->started || node->state != AGENT_JOINING)
         return;
     node->started = true;
+    node->first = k;
+    node->k = k;
     node->state = AGENT_RUNNING;
     node->last_progress = host_now();
     char *json = run_info_node(node->config.scenario, node->config.network, node->config.node,
@@ -125,9 +127,11 @@ static void publish_done(struct node *node, int64_t k)
     sender_done(&node->sender, k, node->t, &done);
 }
 
-/* The last `done` again, under its old number. */
+/* The last `done` again, under its old number; nothing while there has been none. */
 void node_repeat_done(struct node *node)
 {
+    if (node->k == node->first)
+        return;
     node->sender.sequence[SENDER_DONE]--;
     publish_done(node, node->k - 1);
 }
@@ -186,6 +190,16 @@ void node_advance(struct node *node)
     }
 }
 
+void node_skip_to(struct node *node, int64_t k)
+{
+    if (node->state != AGENT_RUNNING || node->phase != NODE_WAIT_SAMPLE || k <= node->k ||
+        node_sample_ready(node))
+        return;
+    node->counters.gaps += k - node->k;
+    node->k = k;
+    node->last_progress = host_now();
+}
+
 /* ---- time ---- */
 
 static double poll_joining(struct node *node, double now)
@@ -212,7 +226,7 @@ static void repeat_request(struct node *node)
 {
     if (node->phase == NODE_IN_ROUND)
         node_ask(node);
-    else if (node->k > 0 && node->config.pace == DSE_CLOCK_T_PACE_LOCKSTEP && !node->stopping) {
+    else if (node->k > node->first && node->config.pace == DSE_CLOCK_T_PACE_LOCKSTEP && !node->stopping) {
         /* Our last `done`, said again, asks the clock for the sample that we miss. */
         node_repeat_done(node);
         node->asked++;

@@ -40,6 +40,7 @@ struct inbox_slot {
 };
 struct inbox {
     int from;
+    bool gone; /* patience with it ran out and nothing has come from it since: it is not awaited */
     struct inbox_slot slots[NODE_INBOX];
 };
 
@@ -76,6 +77,7 @@ struct node {
     int64_t instance_id; /* tells two processes for one node apart */
     int64_t source_run;  /* run whose samples are used: own run, or the recorded one in replay */
     bool started;
+    int64_t first; /* sample with which it began: 0 unless it joined a run that was going on */
     bool stopping;
     int64_t stop_at;   /* samples of the run once it is stopping */
     double stop_heard; /* when it was told so */
@@ -119,7 +121,11 @@ double node_poll(void *self, double now);
 enum agent_state node_state(const void *self);
 const char *node_reason(const void *self);
 void node_stop(void *self, const char *reason);
-void node_start(struct node *node);
+/* Begins with sample k of a run. */
+void node_start(struct node *node, int64_t k);
+/* The run has gone on to sample k without this node: what it has not got of the samples before, it
+ * will not get. */
+void node_skip_to(struct node *node, int64_t k);
 void node_finish(struct node *node);
 void node_publish_status(struct node *node, int state);
 void node_repeat_done(struct node *node);

@@ -26,6 +26,17 @@ static bool from_source(struct node *node, const dse_header_t *header)
     return false;
 }
 
+/* The clock says with which sample a run begins, and again, when somebody joins late, which one is
+ * next. A node of a lockstep run that lies further back than the sample before has been given up
+ * by the clock meanwhile. */
+static void take_start(struct node *node, int64_t k)
+{
+    if (!node->started)
+        node_start(node, k);
+    else if (node->config.pace == DSE_CLOCK_T_PACE_LOCKSTEP && k > node->k + 1)
+        node_skip_to(node, k);
+}
+
 void node_on_clock(void *user, const char *channel, const uint8_t *bytes, int length)
 {
     (void)channel;
@@ -49,7 +60,7 @@ void node_on_clock(void *user, const char *channel, const uint8_t *bytes, int le
     if (message.event == DSE_CLOCK_T_EVENT_JOIN && node->state == AGENT_JOINING)
         node_publish_status(node, DSE_STATUS_T_STATE_READY);
     if (message.event == DSE_CLOCK_T_EVENT_START)
-        node_start(node);
+        take_start(node, message.header.sample);
     if (message.event == DSE_CLOCK_T_EVENT_STOP && node->started && !node->stopping) {
         node->stopping = true;
         node->stop_at = message.header.sample;
@@ -115,7 +126,9 @@ void node_on_input(void *user, const char *channel, const uint8_t *bytes, int le
         adopt_run(node, message.header.run_id);
     if (!from_source(node, &message.header))
         return;
-    node_start(node); /* the message that said so may have been lost */
+    /* The message that said so may have been lost; later on the clock says where to begin. */
+    if (message.header.sample == 0 || node->config.pace == DSE_CLOCK_T_PACE_REPLAY)
+        node_start(node, 0);
     answer_repetition(node, &message);
     node_take_input(node, &message);
     node_advance(node);

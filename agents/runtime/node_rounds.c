@@ -147,6 +147,7 @@ void node_take_exchange(struct node *node, const dse_exchange_t *message)
     struct inbox *inbox = inbox_of(node, header->node);
     if (inbox == NULL)
         return;
+    inbox->gone = false;
     if (is_over(node, header->sample, header->round)) {
         node->counters.duplicates++;
         return;
@@ -240,12 +241,29 @@ static struct inbox_slot *awaited(const struct node *node, int i)
     return slot != NULL && message_vector_complete(&slot->vector) ? slot : NULL;
 }
 
+/* Whether the round can do without the i-th of those that it waits for. */
+static bool is_gone(const struct node *node, int i)
+{
+    const struct inbox *inbox = inbox_of((struct node *)node, node->plan.wait[i]);
+    return node->plan.patience_s > 0 && inbox != NULL && inbox->gone;
+}
+
 bool node_round_complete(const struct node *node)
 {
     for (int i = 0; i < node->plan.n_wait; i++)
-        if (awaited(node, i) == NULL)
+        if (awaited(node, i) == NULL && !is_gone(node, i))
             return false;
     return true;
+}
+
+/* Who has used up a round's patience is not waited for until it says something again. */
+static void miss(struct node *node, int i, double now)
+{
+    struct inbox *inbox = inbox_of(node, node->plan.wait[i]);
+    double patience = node->plan.patience_s;
+    node->predicted++;
+    if (inbox != NULL && patience > 0 && now > node->round_started + patience)
+        inbox->gone = true;
 }
 
 void node_close_round(struct node *node)
@@ -254,7 +272,7 @@ void node_close_round(struct node *node)
     for (int i = 0; i < node->plan.n_wait; i++) {
         struct inbox_slot *slot = awaited(node, i);
         if (slot == NULL) {
-            node->predicted++;
+            miss(node, i, before);
             continue;
         }
         struct method_message message = {
