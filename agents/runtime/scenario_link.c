@@ -44,9 +44,8 @@ static bool wrong_row(const struct place *p, int line, const char *row)
 {
     return fail(p, "file",
                 "%s:%d: '%.60s' is not to,from,stamp,delay with two different nodes from 0 to %d, "
-                "a stamp from 0 to %lld and a delay <= %d (-1: lost)",
-                p->link->file, line, row, p->fates->config.nodes - 1,
-                (long long)scenario_samples(p->scenario) - 1, SCENARIO_MAX_DELAY);
+                "a stamp >= 0 and a delay <= %d (-1: lost)",
+                p->link->file, line, row, p->fates->config.nodes - 1, SCENARIO_MAX_DELAY);
 }
 
 struct row {
@@ -64,14 +63,15 @@ static bool read_row(const struct place *p, const char *text, struct row *row)
     int fields = sscanf(text, "%lld,%lld,%lld,%lld%n", &row->to, &row->from, &row->stamp,
                         &row->delay, &used);
     return fields == 4 && text[used] == '\0' && row->to >= 0 && row->to < nodes && row->from >= 0 &&
-           row->from < nodes && row->to != row->from && row->stamp >= 0 &&
-           row->stamp < scenario_samples(p->scenario) && row->delay >= -1 &&
+           row->from < nodes && row->to != row->from && row->stamp >= 0 && row->delay >= -1 &&
            row->delay <= SCENARIO_MAX_DELAY;
 }
 
-/* All rows of the file: into the table, or without one only counted. */
+/* All rows of the file: into the table, or without one only counted. A recording may be longer than
+ * the run. */
 static bool read_rows(const struct place *p, const char *text, int64_t *stamps)
 {
+    const int64_t samples = scenario_samples(p->scenario);
     const struct dse_link_config *config = &p->fates->config;
     char line[256];
     *stamps = 0;
@@ -83,9 +83,10 @@ static bool read_rows(const struct place *p, const char *text, int64_t *stamps)
         line[strcspn(line, "\r")] = '\0';
         if (!read_row(p, line, &row))
             return wrong_row(p, number, line);
-        if (row.from >= 0 && row.stamp >= *stamps)
+        const bool counts = row.from >= 0 && row.stamp < samples;
+        if (counts && row.stamp >= *stamps)
             *stamps = row.stamp + 1;
-        if (row.from >= 0 && p->fates->table != NULL)
+        if (counts && p->fates->table != NULL)
             p->fates->table[(row.to * config->nodes + row.from) * config->stamps + row.stamp] =
                 (int16_t)row.delay;
         text += length + (text[length] != '\0');

@@ -233,30 +233,17 @@ static void recorded_network_gives_the_estimates_of_the_random_one(void **state)
     rmdir(folder);
 }
 
-static void wrong_recordings_are_refused_with_their_line(void **state)
+static void recording_that_ends_before_the_run_is_refused(void **state)
 {
     (void)state;
-    static const struct {
-        const char *text, *wanted;
-    } cases[] = {
-        {"to,from,stamp,delay\n0,1,0\n", "network.csv:2: '0,1,0' is not to,from,stamp,delay"},
-        {"0,0,0,0\n", "network.csv:1: '0,0,0,0'"},
-        {"0,2,0,0\n", "network.csv:1: '0,2,0,0'"},
-        {"0,1,0,-2\n", "network.csv:1: '0,1,0,-2'"},
-        {"0,1,0,0,7\n", "network.csv:1: '0,1,0,0,7'"},
-        {"0,1,3,0\n", "ends at stamp 3, but the run has 40 communication instants"},
-    };
     char folder[] = "/tmp/dse-method-XXXXXX", network[64], scenario[64];
     assert_non_null(mkdtemp(folder));
     snprintf(network, sizeof network, "%s/network.csv", folder);
     snprintf(scenario, sizeof scenario, "%s/x.yaml", folder);
-    static const char keys[] = "communication: {every: 5}, link: {D: 3, file: network.csv}";
-    for (size_t c = 0; c < sizeof cases / sizeof cases[0]; c++) {
-        write_text(network, cases[c].text);
-        must_fail(scenario, keys, cases[c].wanted);
-    }
+    write_text(network, "0,1,3,0\n");
+    must_fail(scenario, "communication: {every: 5}, link: {D: 3, file: network.csv}",
+              "network.csv ends at stamp 3, but the run has 40 communication instants");
     unlink(network);
-    must_fail(scenario, keys, "network.csv: No such file or directory");
     rmdir(folder);
 }
 
@@ -311,7 +298,7 @@ int main(void)
         cmocka_unit_test(keys_that_do_not_go_together_are_refused),
         cmocka_unit_test(node_hears_through_the_network_that_the_scenario_asks_for),
         cmocka_unit_test(recorded_network_gives_the_estimates_of_the_random_one),
-        cmocka_unit_test(wrong_recordings_are_refused_with_their_line),
+        cmocka_unit_test(recording_that_ends_before_the_run_is_refused),
         cmocka_unit_test(silence_is_withheld_and_states_are_counted),
         cmocka_unit_test(centralised_network_has_one_node_with_all_outputs),
     };

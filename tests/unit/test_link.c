@@ -120,6 +120,109 @@ static void impossible_networks_are_refused(void **state)
     assert_int_equal(dse_link_init(&link, NULL, 0, 1), DSE_EINVAL);
 }
 
+static void nothing_arrives_during_an_outage_and_all_else_is_as_without(void **state)
+{
+    (void)state;
+    static const struct dse_link_outage outages[] = {
+        {.from = 1, .to = 0, .first = 10, .end = 20},
+        {.from = -1, .to = 2, .first = 30, .end = 35},
+        {.from = 0, .to = -1, .first = 40, .end = 41},
+        {.from = -1, .to = -1, .first = 50, .end = 60}};
+    const struct dse_link_config plain = lossy(3, 2, 0.3, 9);
+    struct dse_link_config troubled = plain;
+    troubled.outages = outages;
+    troubled.n_outages = 4;
+    for (int to = 0; to < 3; to++) {
+        for (int from = 0; from < 3; from++) {
+            struct dse_link a = link_of(&plain, to, from), b = link_of(&troubled, to, from);
+            for (int s = 0; s < STAMPS; s++) {
+                const bool out = (to == 0 && from == 1 && s >= 10 && s < 20) ||
+                                 (to == 2 && s >= 30 && s < 35) || (from == 0 && s == 40) ||
+                                 (s >= 50 && s < 60);
+                const int fate = dse_link_fate(&a, s);
+                assert_int_equal(dse_link_fate(&b, s), out ? DSE_LINK_LOST : fate);
+            }
+        }
+    }
+    troubled.outages = NULL;
+    struct dse_link link;
+    assert_int_equal(dse_link_init(&link, &troubled, 0, 1), DSE_EINVAL);
+    troubled.n_outages = -1;
+    assert_int_equal(dse_link_init(&link, &troubled, 0, 1), DSE_EINVAL);
+}
+
+/* ---- rounds ---- */
+
+static void each_round_has_a_loss_of_its_own_that_depends_on_no_other(void **state)
+{
+    (void)state;
+    enum { N = 4000, ROUNDS = 5 };
+    const struct dse_link_config config = lossy(0, N * ROUNDS, 0.25, 6);
+    struct dse_link all = link_of(&config, 0, 1), few = link_of(&config, 0, 1),
+                    back = link_of(&config, 1, 0);
+    int lost = 0, both = 0, other = 0;
+    for (int k = 0; k < N; k++) {
+        bool before = false;
+        for (int r = 0; r < ROUNDS; r++) {
+            const bool now = dse_link_lost(&all, k, r);
+            assert_int_equal(dse_link_lost(&all, k, r), now); /* asked again */
+            lost += now;
+            both += now && before;
+            other += now != dse_link_lost(&back, k, r);
+            if (r == k % ROUNDS) {
+                assert_int_equal(dse_link_lost(&few, k, r), now);
+            }
+            before = now;
+        }
+    }
+    /* four standard deviations of a binomial count */
+    assert_true(fabs(lost / (double)(N * ROUNDS) - 0.25) < 0.0125);
+    assert_true(fabs(both / (double)(N * (ROUNDS - 1)) - 0.0625) < 0.008);
+    assert_true(other > N);
+}
+
+static void losses_in_a_row_stay_within_their_bound_over_rounds_and_samples(void **state)
+{
+    (void)state;
+    for (int T_m = 0; T_m <= 3; T_m++) {
+        const struct dse_link_config config = lossy(0, T_m, 0.9, 3);
+        struct dse_link link = link_of(&config, 0, 1);
+        int run = 0, longest = 0;
+        for (int k = 0; k < STAMPS; k++) {
+            for (int r = 0; r < 1 + k % 3; r++) {
+                run = dse_link_lost(&link, k, r) ? run + 1 : 0;
+                longest = run > longest ? run : longest;
+            }
+        }
+        assert_int_equal(longest, T_m);
+    }
+}
+
+static void rounds_follow_outages_and_recorded_networks_and_never_go_back(void **state)
+{
+    (void)state;
+    static const int16_t table[2 * 2 * 3] = {0, 0, 0, /**/ 0, -1, 1, /**/ 0, 0, 0, /**/ 0, 0, 0};
+    static const struct dse_link_outage outage = {.from = 1, .to = 0, .first = 4, .end = 5};
+    const struct dse_link_config config = {.max_delay = 2,
+                                           .table = table,
+                                           .nodes = 2,
+                                           .stamps = 3,
+                                           .outages = &outage,
+                                           .n_outages = 1};
+    static const bool lost[] = {false, true, true, false, true, false};
+    struct dse_link link = link_of(&config, 0, 1);
+    assert_true(dse_link_lost(&link, -1, 0));
+    assert_true(dse_link_lost(&link, 0, -1));
+    for (int k = 0; k < 6; k++) {
+        for (int r = 0; r < 3; r++) {
+            assert_int_equal(dse_link_lost(&link, k, r), lost[k]);
+        }
+    }
+    assert_true(dse_link_lost(&link, 5, 1)); /* before round 2 */
+    assert_true(dse_link_lost(&link, 3, 2));
+    assert_false(dse_link_lost(&link, 5, 2));
+}
+
 /* ---- packets under way ---- */
 
 static void packets_arrive_when_they_are_due_and_once(void **state)
@@ -401,6 +504,10 @@ int main(void)
         cmocka_unit_test(fate_depends_on_seed_pair_and_stamp_only),
         cmocka_unit_test(recorded_network_is_replayed),
         cmocka_unit_test(impossible_networks_are_refused),
+        cmocka_unit_test(nothing_arrives_during_an_outage_and_all_else_is_as_without),
+        cmocka_unit_test(each_round_has_a_loss_of_its_own_that_depends_on_no_other),
+        cmocka_unit_test(losses_in_a_row_stay_within_their_bound_over_rounds_and_samples),
+        cmocka_unit_test(rounds_follow_outages_and_recorded_networks_and_never_go_back),
         cmocka_unit_test(packets_arrive_when_they_are_due_and_once),
         cmocka_unit_test(mailbox_sorts_by_stamp_whatever_the_order),
         cmocka_unit_test(mailbox_forgets_what_is_older_than_D_and_remembers_the_age),
