@@ -226,7 +226,8 @@ static void repeat_request(struct node *node)
 {
     if (node->phase == NODE_IN_ROUND)
         node_ask(node);
-    else if (node->k > node->first && node->config.pace == DSE_CLOCK_T_PACE_LOCKSTEP && !node->stopping) {
+    else if (node->k > node->first && node->config.pace == DSE_CLOCK_T_PACE_LOCKSTEP &&
+             !node->stopping) {
         /* Our last `done`, said again, asks the clock for the sample that we miss. */
         node_repeat_done(node);
         node->asked++;
