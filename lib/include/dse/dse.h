@@ -4,9 +4,11 @@
 
 #include "dse/active_set.h"
 #include "dse/arena.h"
+#include "dse/distributed_kalman.h"
 #include "dse/distributed_observer.h"
 #include "dse/ekf.h"
 #include "dse/factored.h"
+#include "dse/graph.h"
 #include "dse/health.h"
 #include "dse/high_gain_ekf.h"
 #include "dse/kalman.h"
