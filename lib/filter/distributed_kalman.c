@@ -159,13 +159,26 @@ static enum dse_status end_step(struct dse_dkf *dkf, enum dse_status status)
     return status;
 }
 
+/* Neighbours that it works with, none of whom is in use. */
+static bool alone(const struct dse_dkf *dkf)
+{
+    if (dkf->config->scheme == DSE_DKF_ALONE || dkf->config->n_neighbours == 0)
+        return false;
+    for (int j = 0; j < dkf->config->n_neighbours; j++)
+        if (dkf->age[j] >= 0)
+            return false;
+    return true;
+}
+
 static enum dse_health health_now(const struct dse_dkf *dkf)
 {
     if (dkf->counts.used == 0)
         return DSE_HEALTH_INITIALISING;
     if (dkf->present == 0)
         return DSE_HEALTH_COASTING;
-    return dkf->refused ? DSE_HEALTH_REJECTING : DSE_HEALTH_TRACKING;
+    if (dkf->refused)
+        return DSE_HEALTH_REJECTING;
+    return alone(dkf) ? DSE_HEALTH_ALONE : DSE_HEALTH_TRACKING;
 }
 
 enum dse_status dse_dkf_correct(struct dse_dkf *dkf)

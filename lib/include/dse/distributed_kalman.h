@@ -273,7 +273,8 @@ dse_real dse_dkf_largest_gain(const struct dse_dkf *dkf);
  * Beyond about 2 the step overshoots and the estimate is in danger. */
 dse_real dse_dkf_loop_gain(const struct dse_dkf *dkf);
 /* Initialising until an own channel is used; coasting without one; rejecting when a message was
- * refused in this sample; diverged after a failed step, until one succeeds. */
+ * refused in this sample; alone when a coupled node uses no neighbour; diverged after a failed
+ * step, until one succeeds. */
 enum dse_health dse_dkf_health(const struct dse_dkf *dkf);
 const struct dse_dkf_counts *dse_dkf_counts(const struct dse_dkf *dkf);
 
