@@ -155,7 +155,7 @@ static const cyaml_schema_field_t link_fields[] = {
 static const cyaml_schema_field_t network_fields[] = {
     CYAML_FIELD_STRING_PTR("name", CYAML_FLAG_POINTER, struct scenario_network, name, 1, 31),
     CYAML_FIELD_STRING_PTR("title", OPTIONAL_POINTER, struct scenario_network, title, 1, 100),
-    CYAML_FIELD_SEQUENCE("guess", CYAML_FLAG_POINTER, struct scenario_network, guess, &number, 1,
+    CYAML_FIELD_SEQUENCE("guess", OPTIONAL_POINTER, struct scenario_network, guess, &number, 1,
                          LONGEST_LIST),
     CYAML_FIELD_STRING_PTR("set", OPTIONAL_POINTER, struct scenario_network, set, 1, 63),
     CYAML_FIELD_SEQUENCE("parameters", OPTIONAL_POINTER, struct scenario_network, parameters,
@@ -399,6 +399,7 @@ const struct scenario_rule scenario_rules[] = {
     {.key = "networks[].guess",
      SCENARIO_ANY,
      .count = SCENARIO_PER_STATE,
+     .absent = "none; methods say so that need it",
      .meaning = "initial guess of the whole state in the plant's units"},
     {.key = "networks[].set",
      SCENARIO_ANY,
