@@ -1,5 +1,6 @@
 /* Two stirred tanks with recycle: section 2.6, eq 2.59, Table 2.1 of the adaptive high-gain source,
- * and the operating case of section 4.7.
+ * the operating case of section 4.7, and the one of the coordinated MHE source (Table 4.1), which
+ * has another third enthalpy and no heating.
  *
  *     F_0 -> [1] --F_1 = F_0 + F_r--> [2] <- F_3,   [2] --F_r--> [1]
  *
@@ -93,20 +94,27 @@ static const struct dse_parameter parameters[PARAMETERS] = {
     [F_3] = DSE_REAL(30.0), [T_03] = DSE_REAL(300), [C_A03] = DSE_REAL(2.0),                       \
     [F_R] = DSE_REAL(34.998), [F_R_MISMATCH] = DSE_REAL(0), [RHO] = DSE_REAL(1000),                \
     [C_P] = DSE_REAL(0.231), [GAS] = DSE_REAL(8.314), [DH_1] = DSE_REAL(-5.0e4),                   \
-    [DH_2] = DSE_REAL(-5.2e4), [DH_3] = DSE_REAL(-5.04e4), [K_10] = DSE_REAL(3.0e6),               \
-    [K_20] = DSE_REAL(3.0e5), [K_30] = DSE_REAL(3.0e5), [E_1] = DSE_REAL(5.0e4),                   \
-    [E_2] = DSE_REAL(7.53e4), [E_3] = DSE_REAL(7.53e4)
+    [DH_2] = DSE_REAL(-5.2e4), [K_10] = DSE_REAL(3.0e6), [K_20] = DSE_REAL(3.0e5),                 \
+    [K_30] = DSE_REAL(3.0e5), [E_1] = DSE_REAL(5.0e4), [E_2] = DSE_REAL(7.53e4),                   \
+    [E_3] = DSE_REAL(7.53e4)
 
 static const dse_real values_ch2[PARAMETERS] = {
-    COMMON, [Q_H1] = DSE_REAL(1.8e4), [Q_H2] = DSE_REAL(1.2e4)};
+    COMMON, [DH_3] = DSE_REAL(-5.04e4), [Q_H1] = DSE_REAL(1.8e4), [Q_H2] = DSE_REAL(1.2e4)};
 static const dse_real values_ch4[PARAMETERS] = {
-    COMMON, [Q_H1] = DSE_REAL(1.4e4), [Q_H2] = DSE_REAL(1.4e4)};
+    COMMON, [DH_3] = DSE_REAL(-5.04e4), [Q_H1] = DSE_REAL(1.4e4), [Q_H2] = DSE_REAL(1.4e4)};
+static const dse_real values_cdm[PARAMETERS] = {
+    COMMON, [DH_3] = DSE_REAL(-5.4e4), [Q_H1] = DSE_REAL(0), [Q_H2] = DSE_REAL(0)};
 static const dse_real x0_ch2[] = {DSE_REAL(360), DSE_REAL(3), DSE_REAL(320), DSE_REAL(2.5)};
 static const dse_real x0_ch4[] = {DSE_REAL(360), DSE_REAL(3), DSE_REAL(320), DSE_REAL(3)};
+
+/* deviation [13, 2, 34, 1.5] from its steady state */
+static const dse_real x0_cdm[] = {DSE_REAL(313.38781890182895), DSE_REAL(4.4980582625281658),
+                                  DSE_REAL(334.34962011281505), DSE_REAL(3.7840010767830567)};
 
 static const struct dse_parameter_set sets[] = {
     {"ch2", "section 2.6, Table 2.1", values_ch2, x0_ch2},
     {"ch4", "section 4.7", values_ch4, x0_ch4},
+    {"cdm", "coordinated MHE, section 4.4, Table 4.1", values_cdm, x0_cdm},
 };
 
 static const int states_of_1[] = {0, 1};
@@ -169,7 +177,7 @@ const struct dse_plant dse_plant_cstr2 = {
     .outputs = outputs,
     .n_parameters = PARAMETERS,
     .parameters = parameters,
-    .n_sets = 2,
+    .n_sets = 3,
     .sets = sets,
     .n_subsystems = 2,
     .subsystems = subsystems,
