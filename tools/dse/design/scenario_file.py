@@ -97,5 +97,7 @@ def _plant(
     for network in networks:
         own = plant.set(network["set"]).values if "set" in network else values
         believed[str(network["name"])] = _changed(plant, own, network)
-    guesses = {str(one["name"]): np.array(one["guess"], dtype=float) for one in networks}
+    guesses = {
+        str(one["name"]): np.array(one["guess"], dtype=float) for one in networks if "guess" in one
+    }
     return ScenarioPlant(path, plant, values, x0, u, believed, guesses)
