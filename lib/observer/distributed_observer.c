@@ -96,6 +96,15 @@ static bool take_measurement(const struct dse_distributed_observer *o,
     return complete;
 }
 
+/* No neighbour's message acts in the period that comes. */
+static bool deserted(const struct dse_distributed_observer *o)
+{
+    for (int j = 0; j < o->config->neighbours; j++)
+        if (dse_observer_hearing_of(o, o->age[j]) != DSE_OBSERVER_DROPPED)
+            return false;
+    return o->config->neighbours > 0;
+}
+
 /* The sample becomes the last one. */
 static void keep(struct dse_distributed_observer *o, dse_real t, const dse_real *u, bool complete)
 {
@@ -147,6 +156,7 @@ enum dse_status dse_distributed_observer_sample(struct dse_distributed_observer 
         return DSE_EINVAL;
     const bool complete = take_measurement(observer, measurement);
     const bool alone = !(observer->complete && complete);
+    const bool left = deserted(observer);
     enum dse_status status = step(observer, t - observer->t, u, alone);
     grow_old(observer);
     if (status == DSE_OK) {
@@ -162,6 +172,8 @@ enum dse_status dse_distributed_observer_sample(struct dse_distributed_observer 
     for (int i = 0; i < c->nz + observer->n_gain; i++)
         observer->state[i] = observer->next[i];
     keep(observer, t, u, complete);
+    if (complete && left)
+        observer->health = DSE_HEALTH_ALONE;
     return DSE_OK;
 }
 

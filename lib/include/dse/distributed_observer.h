@@ -48,7 +48,7 @@
  * - A neighbour is not heard in a period: its last message goes on to act for `hold` periods but
  *   Gamma_ij is frozen, since an old message would teach it nonsense; then it is dropped from the
  *   sums. When it comes back Gamma_ij starts from 0 (a node-dependent Gamma_i stays, it belongs to
- *   all neighbours).
+ *   all neighbours). Without any of its neighbours a node's health is alone.
  * - An own channel is missing: the last value is held, there is no coupling and no adaptation in
  *   this period and the next, the node keeps silent (what it would say is not measured), and its
  *   health is coasting. Until every channel has been valid once it is initialising and z stays z0.

@@ -7,6 +7,14 @@ in the functions that need them, so that `dse --help` stays quick.
 
 from types import ModuleType
 
-from dse.design import bounds, identify, normal_form, observability, tune
+from dse.design import bounds, functional, identify, normal_form, observability, tune, uio
 
-COMMANDS: tuple[ModuleType, ...] = (normal_form, observability, identify, tune, bounds)
+COMMANDS: tuple[ModuleType, ...] = (
+    normal_form,
+    observability,
+    identify,
+    tune,
+    bounds,
+    uio,
+    functional,
+)
