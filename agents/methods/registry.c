@@ -4,10 +4,14 @@
 
 #include "methods/method.h"
 
+extern const struct method distributed_kalman_method;
+extern const struct method distributed_observer_method;
 extern const struct method high_gain_ekf_method;
 
 static const struct method *const methods[] = {
     &high_gain_ekf_method,
+    &distributed_kalman_method,
+    &distributed_observer_method,
 };
 
 const struct method *method_at(int i)
