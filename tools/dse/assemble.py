@@ -44,6 +44,9 @@ class Assembly:
         states, inputs, outputs = (
             signals(about.get(key)) for key in ("states", "inputs", "outputs")
         )
+        unknown = [i for i, one in enumerate(about.get("inputs") or []) if one.get("unknown")]
+        truth = self._series("truth_t", "truth", len(states) + len(unknown))
+        told = self._series("input_t", "inputs", len(inputs))
         networks = self._networks(plant, len(states))
         return Run(
             log=self.log,
@@ -52,8 +55,8 @@ class Assembly:
             states=states,
             inputs=inputs,
             outputs=outputs,
-            truth=self._series("truth_t", "truth", len(states)),
-            input=self._series("input_t", "inputs", len(inputs)),
+            truth=Series(truth.sample, truth.time, truth.value[:, : len(states)]),
+            input=_reveal(told, unknown, truth, len(states)),
             measurements=self._measurements(about.get("groups") or [], outputs),
             networks=networks,
             other_runs=other_runs,
@@ -337,6 +340,19 @@ def _numbers(messages: Messages) -> dict[tuple[int, int, int], Ints]:
         )
         for i, (role, network, number) in enumerate(senders.tolist())
     }
+
+
+def _reveal(told: Series, unknown: list[int], truth: Series, n_states: int) -> Series:
+    """Inputs as they were: the truth has, behind its states, those that estimators were not told.
+
+    NaN where the log has no truth.
+    """
+    value = told.value.copy()
+    value[:, unknown] = np.nan
+    _, mine, true = np.intersect1d(told.sample, truth.sample, return_indices=True)
+    for column, i in enumerate(unknown):
+        value[mine, i] = truth.value[true, n_states + column]
+    return Series(told.sample, told.time, value)
 
 
 def _samples(messages: Messages) -> Ints:

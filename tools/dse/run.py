@@ -149,6 +149,7 @@ class Run:
     truth: Series
     """All plant states; K = 0 when the log has none."""
     input: Series
+    """As the plant had them, also those that estimators were not told."""
     measurements: dict[str, tuple[list[Signal], Series]]
     """By sensor group; NaN where a channel was missing."""
     networks: list[Network]

@@ -45,6 +45,8 @@ class Plan:
     """Samples at which the second network has no data of its own."""
     states: int = 4
     """More than 4: further states x4, x5, .. that node 0 of each network estimates."""
+    disturbed: bool = False
+    """A second input that estimators are not told: sample number over ten."""
 
 
 class Writer:
@@ -163,7 +165,11 @@ def plant_info(plan: Plan) -> dict[str, Any]:
             "title": "two reactors",
             "set": "ch2",
             "states": signals,
-            "inputs": [{"name": "Q1", "unit": "kJ/h", "title": "heat", "scale": 1e5}],
+            "inputs": [
+                {"name": "Q1", "unit": "kJ/h", "title": "heat", "scale": 1e5},
+                *[{"name": "v", "unit": "", "title": "v", "scale": 1.0, "unknown": True}]
+                * plan.disturbed,
+            ],
             "outputs": [signals[0], signals[2]],
             "parameters": [],
             "groups": [
@@ -276,7 +282,7 @@ def put_plant(writer: Writer, k: int, x: np.ndarray) -> None:
     plant = lcmtypes.header_t.ROLE_PLANT
     tick = lcmtypes.input_t()
     tick.header = writer.header("input", plant, -1, 0, k)
-    tick.parts, tick.count, tick.value = 1, 1, [2.5e5, *[0.0] * 31]
+    tick.parts, tick.count, tick.value = 1, 1 + writer.plan.disturbed, [2.5e5, *[0.0] * 31]
     writer.put("DSE_INPUT", tick)
     for group in range(2):
         message = lcmtypes.measurement_t()
@@ -287,7 +293,8 @@ def put_plant(writer: Writer, k: int, x: np.ndarray) -> None:
         message.value = [x[2 * group], *[0.0] * 31]
         writer.put(f"DSE_MEASUREMENT_{group}", message)
     if writer.plan.truth:
-        for part, number, count, values in parts(x):
+        hidden = [k / 10] * writer.plan.disturbed
+        for part, number, count, values in parts(np.append(x, hidden)):
             message = lcmtypes.truth_t()
             message.header = writer.header("truth", plant, -1, 0, k)
             message.part, message.parts, message.count = part, number, count

@@ -38,6 +38,22 @@ def test_a_log_gives_back_what_was_written(plain: Path) -> None:
     assert first.done.sent_bytes.sum() == 16 * plan.samples
 
 
+def test_an_unknown_input_is_what_the_truth_says(tmp_path: Path) -> None:
+    plan = Plan(samples=50, disturbed=True)
+    run = read(write(tmp_path / "disturbed.lcm", plan))
+    assert run.warnings == []
+    assert [one.name for one in run.inputs] == ["Q1", "v"]
+    np.testing.assert_array_equal(run.truth.value, truth(plan))
+    np.testing.assert_array_equal(run.input.value[:, 0], 2.5e5)
+    np.testing.assert_array_equal(run.input.value[:, 1], np.arange(50) / 10)
+
+
+def test_an_unknown_input_stays_unknown_without_truth(tmp_path: Path) -> None:
+    run = read(write(tmp_path / "blind.lcm", Plan(samples=20, disturbed=True, truth=False)))
+    np.testing.assert_array_equal(run.input.value[:, 0], 2.5e5)
+    assert np.isnan(run.input.value[:, 1]).all()
+
+
 def test_a_missing_channel_is_nan(plain: Path) -> None:
     signals, series = read(plain).measurements["reactor 2"]
     assert [signal.name for signal in signals] == ["T2"]
