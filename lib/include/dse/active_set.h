@@ -45,39 +45,45 @@ enum dse_active_set_path {
     DSE_PATH_HELD = 3     /* none: the last solution is held */
 };
 
-/* columns (count x H nz) = K n_k for these constraints. */
-typedef enum dse_status dse_active_set_respond(void *context, int count, const int *constraints,
-                                               dse_real *columns);
+/* X (H nz x count, row-major) <- K X; the rows of stages newer than `newest` are zero on entry. */
+typedef enum dse_status dse_active_set_apply(void *context, int count, int newest, dse_real *X);
+
+/* Right-hand sides that are solved for together. */
+#define DSE_ACTIVE_SET_BATCH 8
 
 struct dse_active_set {
-    int nz, nr, stages; /* stages: H of the problem at hand */
-    int capacity;       /* stages, at most */
+    int nz, nr;
+    int capacity; /* stages, at most */
+    int stages;   /* H of the problem at hand */
     int max_active;
-    dse_active_set_respond *respond;
+    int slots; /* max_active + 1: the dual method looks at one that is not a member */
+    dse_active_set_apply *apply;
     void *context;
     const struct dse_window_bounds *bounds;
-    const dse_real *unit; /* H x nz: a size of each entry of z that matters */
-    dse_real *row_unit;   /* nr: likewise of each row */
-    int *member;          /* max_active: constraints, in the order of the factor */
-    int *column_of;       /* max_active: where the column of each is in `columns` */
-    int count;            /* active constraints */
-    int factored;         /* so many of them are in the factor */
-    signed char *side; /* capacity (nz + nr): -1 at the lower bound, 1 at the upper, 0 inactive */
-    dse_real *columns; /* max_active x (capacity nz): K n_k */
-    dse_real *S;       /* max_active x max_active, lower triangle, in the order of the columns */
-    dse_real *L;       /* max_active x max_active: the factor of S in the order of the members */
-    dse_real *y;       /* max_active: multipliers in the order of the members */
-    dse_real *step;    /* max_active */
-    dse_real *batch;   /* scratch of the swaps */
-    int *fresh;        /* max_active: members without a column yet */
-    int passes, steps; /* of the last solution: of swaps, of the dual method */
+    dse_real *unit;     /* nz: a size that matters of each entry of a stage, */
+    dse_real *size;     /* nz: and the largest in the window at hand plus that; */
+    dse_real *row_size; /* nr: likewise of the rows */
+    int *member;        /* slots: active constraints, in the order of the factor */
+    int count;          /* of them */
+    int factored;       /* so many of them are in the factor */
+    int *slot;          /* capacity (nz + nr): where the column of a constraint is, -1: nowhere */
+    int *owner;         /* slots: constraint that a column belongs to, -1: none */
+    int *side;          /* capacity (nz + nr): -1 at the lower bound, 1 at the upper, 0 inactive */
+    dse_real *columns;  /* slots x (capacity nz): K n_k */
+    dse_real *L;        /* slots x slots: S = L L' */
+    dse_real *y;        /* slots: multipliers of the members */
+    dse_real *step;     /* slots */
+    dse_real *kept;     /* slots: multipliers before a correction */
+    dse_real *several;  /* capacity nz x DSE_ACTIVE_SET_BATCH */
+    dse_real *rows;     /* capacity nr: values of the rows */
+    int passes, steps;  /* of the last search: swaps, steps of the dual method */
 };
 
-#define DSE_ACTIVE_SET_BYTES(count)                                                                \
-    ((int)(((count) + (int)sizeof(dse_real) - 1) / (int)sizeof(dse_real)))
 /* Reals that an active set takes. */
 #define DSE_ACTIVE_SET_STORAGE(nz, nr, H, max_active)                                              \
-    (3 * DSE_ARENA_INTS(max_active) + DSE_ACTIVE_SET_BYTES((H) * ((nz) + (nr))) + (nr) +           \
-     (max_active) * ((H) * (nz) + 2 * (max_active) + 2))
+    (DSE_ACTIVE_SET_SLOTS(nz, H, (max_active) + 1) + 2 * DSE_ARENA_INTS((H) * ((nz) + (nr))) +     \
+     2 * ((nz) + (nr)) + (H) * ((nz)*DSE_ACTIVE_SET_BATCH + (nr)))
+#define DSE_ACTIVE_SET_SLOTS(nz, H, slots)                                                         \
+    (2 * DSE_ARENA_INTS(slots) + (slots) * ((H) * (nz) + (slots) + 3))
 
 #endif

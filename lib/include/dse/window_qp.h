@@ -84,27 +84,28 @@ struct dse_window_qp {
     int nz, nr, capacity;
     int stages;   /* of the last solution; 0: none */
     int factored; /* stages of the factor; 0: none */
-    const struct dse_window_qp_problem *problem;
     struct dse_active_set set;
-    dse_real *L;    /* capacity x nz x nz: Cholesky factors, from the newest stage backwards */
-    dse_real *W;    /* capacity x nz x nz: L_{j+1}^-1 P_{j+1,j} */
-    dse_real *unit; /* capacity x nz: 1 / sqrt(P_ii) */
+    dse_real *L;    /* capacity x nz x nz: Cholesky factors, by distance from the newest stage, */
+    dse_real *W;    /* capacity x nz x nz: and L_{j+1}^-1 P_{j+1,j} of stage j likewise */
     dse_real *free; /* K c */
-    dse_real *z, *z_next;
-    dse_real *y, *y_next; /* capacity x (nz + nr): multipliers by constraint */
-    dse_real *residual, *size;
-    dse_real *row;
-    dse_real *several; /* DSE_WINDOW_QP_BATCH right-hand sides */
+    dse_real *z, *z_next; /* the last solution, and the one that is being made; */
+    dse_real *y, *y_next; /* their multipliers by constraint */
+    int *side;            /* by constraint, of the last solution */
+    dse_real *residual;   /* P z - c + N'y */
+    dse_real *work;
+    dse_real *dual_size; /* nz: the largest sum of terms of a residual */
+    dse_real *largest;   /* nz */
+    dse_real *product;   /* nz x DSE_ACTIVE_SET_BATCH */
     struct dse_window_qp_certificate certificate;
     enum dse_active_set_path path;
     struct dse_window_qp_counts counts;
 };
 
-#define DSE_WINDOW_QP_BATCH 8
 /* Reals that dse_window_qp_init takes; max_active not 0 here: H nz for all. */
 #define DSE_WINDOW_QP_STORAGE(nz, nr, H, max_active)                                               \
     (DSE_ACTIVE_SET_STORAGE(nz, nr, H, max_active) +                                               \
-     (H) * ((nz) * (2 * (nz) + 6 + DSE_WINDOW_QP_BATCH) + 2 * ((nz) + (nr))) + 2 * (nr))
+     (H) * ((nz) * (2 * (nz) + 5) + 2 * ((nz) + (nr))) + DSE_ARENA_INTS((H) * ((nz) + (nr))) +     \
+     (nz) * (2 + DSE_ACTIVE_SET_BATCH))
 
 /* DSE_EINVAL, DSE_ESTORAGE. */
 enum dse_status dse_window_qp_init(struct dse_window_qp *qp,
