@@ -13,6 +13,7 @@
 
 struct simulator {
     struct sim_field field;
+    const dse_real *prepared;
     enum sim_integrator integrator;
     struct sim_cvode *cvode;   /* NULL with SIM_RK4 and with a discrete model */
     struct sim_driver *driver; /* NULL: constant inputs */
@@ -121,6 +122,13 @@ static bool evaluate_outputs(struct simulator *sim, double t, const double *x, c
     return true;
 }
 
+/* The states that follow from the others and the inputs. */
+static void complete(const struct simulator *sim, double t, const double *u, double *x)
+{
+    if (sim->field.plant->complete != NULL)
+        sim->field.plant->complete(sim->prepared, t, u, x);
+}
+
 /* Sample k with the state x: inputs, y = h(t_k, x, u) + v_k, and w_k. Changes nothing when h
  * fails. */
 static bool enter_sample(struct simulator *sim, int64_t k, const double *x, char *reason, int size)
@@ -129,11 +137,14 @@ static bool enter_sample(struct simulator *sim, int64_t k, const double *x, char
     double y[DSE_PLANT_MAX_OUTPUTS] = {0};
     double v[DSE_PLANT_MAX_OUTPUTS];
     double u[DSE_PLANT_MAX_INPUTS];
+    double whole[DSE_PLANT_MAX_STATES];
     double t = (double)k * sim->period;
     memcpy(u, sim->u, sizeof u);
+    memcpy(whole, x, (size_t)model->nx * sizeof *x);
     if (sim->driver != NULL)
         sim_driver_prescribe(sim->driver, k, u);
-    if (!evaluate_outputs(sim, t, x, u, y, reason, size))
+    complete(sim, t, u, whole);
+    if (!evaluate_outputs(sim, t, whole, u, y, reason, size))
         return false;
     sim_noise_draw(&sim->process, sim->w);
     sim_noise_draw(&sim->measurement, v);
@@ -144,9 +155,10 @@ static bool enter_sample(struct simulator *sim, int64_t k, const double *x, char
     if (sim->driver != NULL) {
         sim_driver_control(sim->driver, k, sim->y, sim->valid, u);
         sim->jumped = inputs_jump(sim, t, u);
+        complete(sim, t, u, whole);
     }
     memcpy(sim->u, u, sizeof u);
-    memmove(sim->x, x, (size_t)model->nx * sizeof *x);
+    memcpy(sim->x, whole, (size_t)model->nx * sizeof *whole);
     sim->sample = k;
     return true;
 }
@@ -159,6 +171,7 @@ static bool is_discrete(const struct simulator *sim)
 static void copy_config(struct simulator *sim, const struct sim_config *config)
 {
     const struct dse_plant *plant = config->plant;
+    sim->prepared = config->prepared;
     sim->integrator = config->integrator;
     sim->period = config->period;
     memcpy(sim->x, config->x0, (size_t)plant->nx * sizeof *sim->x);

@@ -5,6 +5,9 @@
  *     x_(k+1) = f(t_k, x_k, u_k) + w_k   when the model is discrete: T_s is its step
  *     y_k = h(t_k, x_k, u) + v_k
  *
+ * States that an algebraic equation ties to the others (plant->complete) are computed at every
+ * sample, whatever x0 says about them.
+ *
  * w_k and v_k are drawn once per sample; same seed, same bits. Inputs: sim/drive.h. */
 #ifndef DSE_SIM_SIMULATOR_H
 #define DSE_SIM_SIMULATOR_H

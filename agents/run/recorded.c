@@ -41,12 +41,18 @@ bool recorded_open(const char *path, struct recorded *recorded, struct error *er
                            path);
 }
 
+/* The states and the inputs that estimators do not know. */
+static int width_of_truth(const struct dse_plant *process)
+{
+    return process->nx + process->n_unknown;
+}
+
 static bool allocate(struct recorded *recorded, struct error *error)
 {
     const struct dse_plant *process = recorded->process;
     size_t samples = (size_t)recorded->info.samples;
     recorded->t = calloc(samples + 1, sizeof *recorded->t);
-    recorded->x = calloc(samples * (size_t)process->nx + 1, sizeof *recorded->x);
+    recorded->x = calloc(samples * (size_t)width_of_truth(process) + 1, sizeof *recorded->x);
     recorded->u = calloc(samples * (size_t)process->nu + 1, sizeof *recorded->u);
     recorded->y = calloc(samples * (size_t)process->ny + 1, sizeof *recorded->y);
     recorded->valid = calloc(samples * (size_t)process->ny + 1, sizeof *recorded->valid);
@@ -115,7 +121,7 @@ static void take_truth(struct recorded *recorded, const struct log_event *event)
     if (!message_truth(event->bytes, event->length, &counters, &message) ||
         !in_range(recorded, &message.header))
         return;
-    if (store(recorded->x, recorded->process->nx, message.header.sample, message.part,
+    if (store(recorded->x, width_of_truth(recorded->process), message.header.sample, message.part,
               message.count, message.value))
         recorded->have_x[message.header.sample] = 1;
 }
@@ -231,7 +237,7 @@ static bool next(void *self, int64_t k, struct sample_data *data, char *reason, 
         return false;
     }
     data->t = recorded->t[k];
-    data->x = recorded->have_x[k] ? recorded->x + k * process->nx : NULL;
+    data->x = recorded->have_x[k] ? recorded->x + k * width_of_truth(process) : NULL;
     data->u = recorded->u + k * process->nu;
     data->y = recorded->y + k * process->ny;
     data->valid = recorded->valid + k * process->ny;

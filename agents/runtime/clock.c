@@ -181,7 +181,8 @@ static void publish_sample(struct clock *clock, bool again)
     int32_t first_measurement =
         again ? clock->measurement_sequence : sender_sequence(&clock->sender, SENDER_MEASUREMENT);
     if (!again && clock->data.x != NULL)
-        sender_truth(&clock->sender, clock->k, clock->data.t, clock->data.x, process->nx);
+        sender_truth(&clock->sender, clock->k, clock->data.t, clock->data.x,
+                     process->nx + process->n_unknown);
     sender_input(&clock->sender, clock->k, clock->data.t, again ? first_input : -1, clock->data.u,
                  process->nu);
     for (int group = 0; group < process->n_subsystems; group++)
@@ -468,8 +469,8 @@ static double poll_stopping(struct clock *clock, double now)
 {
     bool all = true;
     for (int i = 0; i < clock->n_members; i++)
-        all = all && (clock->members[i].finished || clock->members[i].absent ||
-                      !clock->members[i].ready);
+        all = all &&
+              (clock->members[i].finished || clock->members[i].absent || !clock->members[i].ready);
     if (all || now > clock->began + STOP_PATIENCE) {
         clock->state = clock->failing ? AGENT_FAILED : AGENT_FINISHED;
         return now;

@@ -12,8 +12,8 @@
 /* One sample of the plant; pointers are valid until the next call of `next`. */
 struct sample_data {
     double t;
-    const double *x;   /* nx, NULL when the truth is not known */
-    const double *u;   /* nu */
+    const double *x;   /* nx, then the n_unknown inputs; NULL when the truth is not known */
+    const double *u;   /* nu, as the estimators may know them */
     const double *y;   /* ny, in the plant's order */
     const bool *valid; /* ny, NULL: all */
 };

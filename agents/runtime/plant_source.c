@@ -9,9 +9,25 @@
 
 struct plant {
     struct simulator *sim;
+    const struct dse_plant *process;
     dse_real *values, *prepared;
-    double *u;
+    double *u;     /* constant inputs; of the estimators from the first sample on */
+    double *truth; /* the states, then the inputs that estimators do not know */
 };
+
+/* What estimators are told of the inputs: nominal values of those that they do not know. */
+static void tell(struct plant *plant)
+{
+    const struct dse_plant *process = plant->process;
+    const double *u = sim_input(plant->sim);
+    const int known = process->nu - process->n_unknown;
+    for (int i = 0; i < process->nu; i++)
+        plant->u[i] = i < known ? u[i] : (double)process->inputs[i].nominal;
+    for (int i = 0; i < process->nx; i++)
+        plant->truth[i] = sim_state(plant->sim)[i];
+    for (int i = known; i < process->nu; i++)
+        plant->truth[process->nx + i - known] = u[i];
+}
 
 static bool next(void *self, int64_t k, struct sample_data *data, char *reason, int size)
 {
@@ -19,8 +35,9 @@ static bool next(void *self, int64_t k, struct sample_data *data, char *reason, 
     if (k > 0 && !sim_step(plant->sim, reason, size))
         return false;
     data->t = sim_time(plant->sim);
-    data->x = sim_state(plant->sim);
-    data->u = sim_input(plant->sim);
+    tell(plant);
+    data->x = plant->truth;
+    data->u = plant->u;
     data->y = sim_output(plant->sim);
     data->valid = sim_output_valid(plant->sim);
     return true;
@@ -34,6 +51,7 @@ static void destroy(void *self)
     free(plant->values);
     free(plant->prepared);
     free(plant->u);
+    free(plant->truth);
     free(plant);
 }
 
@@ -75,10 +93,12 @@ bool plant_source(const struct scenario *scenario, struct sample_source *source,
     plant->values = calloc((size_t)process->n_parameters + 1, sizeof *plant->values);
     plant->prepared = calloc((size_t)process->prepared_size + 1, sizeof *plant->prepared);
     plant->u = calloc((size_t)process->nu + 1, sizeof *plant->u);
+    plant->truth = calloc((size_t)(process->nx + process->n_unknown), sizeof *plant->truth);
+    plant->process = process;
     char reason[256] = "out of memory";
     struct plant_drives drives = {0};
     bool ok = plant->values != NULL && plant->prepared != NULL && plant->u != NULL &&
-              plant_drives_make(scenario, &drives) &&
+              plant->truth != NULL && plant_drives_make(scenario, &drives) &&
               scenario_prepare_plant(scenario, NULL, plant->values, plant->prepared, error);
     if (ok) {
         fill_inputs(scenario, plant->u);

@@ -31,6 +31,15 @@ static json_t *signals(const struct dse_signal *signal, int count)
     return list;
 }
 
+/* The last ones, which estimators do not know, say so. */
+static json_t *inputs(const struct dse_plant *process)
+{
+    json_t *list = signals(process->inputs, process->nu);
+    for (int i = process->nu - process->n_unknown; i < process->nu; i++)
+        json_object_set_new(json_array_get(list, (size_t)i), "unknown", json_true());
+    return list;
+}
+
 static json_t *indices(const int *index, int count)
 {
     json_t *list = json_array();
@@ -74,9 +83,8 @@ static json_t *plant_object(const struct scenario *scenario)
     const char *set = scenario->plant.set != NULL ? scenario->plant.set : process->sets[0].name;
     return json_pack("{s:s, s:s, s:s, s:o, s:o, s:o, s:o, s:o}", "name", process->name, "title",
                      process->title, "set", set, "states", signals(process->states, process->nx),
-                     "inputs", signals(process->inputs, process->nu), "outputs",
-                     signals(process->outputs, process->ny), "parameters", parameters(scenario),
-                     "groups", groups(process));
+                     "inputs", inputs(process), "outputs", signals(process->outputs, process->ny),
+                     "parameters", parameters(scenario), "groups", groups(process));
 }
 
 static const char *network_title(const struct scenario_network *network,

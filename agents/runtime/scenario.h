@@ -87,7 +87,8 @@ struct scenario_linear {
     enum scenario_time_kind time; /* default continuous; discrete: one step per sample */
     double unit_s;                /* seconds in one unit of plant time, 0: 1 */
     unsigned nx, nu;
-    double *A; /* nx x nx */
+    unsigned unknown; /* so many inputs, the last ones, are not told to estimators */
+    double *A;        /* nx x nx */
     unsigned A_count;
     double *B; /* nx x nu, NULL when nu = 0 */
     unsigned B_count;
@@ -102,6 +103,8 @@ struct scenario_linear {
     unsigned states_count;
     unsigned *groups; /* rows of C that each sensor group has, in order; NULL: one group */
     unsigned groups_count;
+    unsigned *blocks; /* states that belong to each group, in order; NULL: none do */
+    unsigned blocks_count;
 };
 
 struct scenario_linear_plant;

@@ -27,6 +27,7 @@ struct scenario_linear_plant {
     struct dse_subsystem groups[DSE_PLANT_MAX_OUTPUTS];
     char group_names[DSE_PLANT_MAX_OUTPUTS][NAME_SIZE];
     int output_index[DSE_PLANT_MAX_OUTPUTS]; /* 0, 1, ..: groups are consecutive rows of C */
+    int state_index[DSE_PLANT_MAX_STATES];   /* likewise */
 };
 
 /* The section in the tree while the plant is made. */
@@ -75,9 +76,13 @@ static bool fail_count(const struct maker *m, const char *key, int wanted, const
 static bool read_dimensions(const struct maker *m)
 {
     struct dse_plant *plant = &m->linear->plant;
-    const char *nu = text_of(m, "nu");
+    const char *nu = text_of(m, "nu"), *unknown = text_of(m, "unknown");
     plant->nx = atoi(text_of(m, "nx"));
     plant->nu = nu != NULL ? atoi(nu) : 0;
+    plant->n_unknown = unknown != NULL ? atoi(unknown) : 0;
+    if (plant->n_unknown > plant->nu)
+        return scenario_fail(m->tree, node_of(m, "unknown"), "plant.linear.unknown", m->error,
+                             "%d of nu = %d inputs cannot be unknown", plant->n_unknown, plant->nu);
     int count = count_of(m, "C");
     plant->ny = count / plant->nx;
     if (count_of(m, "A") != plant->nx * plant->nx)
@@ -198,7 +203,8 @@ static bool rename_states(const struct maker *m)
     return true;
 }
 
-/* Who measures what. No state belongs to a group: what a node estimates is its method's affair. */
+/* Who measures what. Unless blocks say so no state belongs to a group: what a node estimates is its
+ * method's affair. */
 static bool cut_groups(const struct maker *m)
 {
     struct scenario_linear_plant *linear = m->linear;
@@ -223,6 +229,35 @@ static bool cut_groups(const struct maker *m)
         return true;
     return scenario_fail(m->tree, node, "plant.linear.groups", m->error,
                          "counts %d outputs; there are %d, the rows of C", rows, plant->ny);
+}
+
+/* Which states belong to which group: consecutive ones. */
+static bool cut_states(const struct maker *m)
+{
+    struct scenario_linear_plant *linear = m->linear;
+    const struct dse_plant *plant = &linear->plant;
+    const int node = node_of(m, "blocks");
+    int states = 0;
+    if (node == 0)
+        return true;
+    if (count_of(m, "blocks") != plant->n_subsystems)
+        return scenario_fail(m->tree, node, "plant.linear.blocks", m->error,
+                             "has %d values; it must have %d, one per group", count_of(m, "blocks"),
+                             plant->n_subsystems);
+    for (int i = 0; i < plant->nx; i++)
+        linear->state_index[i] = i;
+    for (int g = 0; g < plant->n_subsystems; g++) {
+        const int count = atoi(item_of(m, "blocks", g));
+        if (states + count <= plant->nx) {
+            linear->groups[g].n_states = count;
+            linear->groups[g].states = linear->state_index + (count > 0 ? states : 0);
+        }
+        states += count;
+    }
+    if (states == plant->nx)
+        return true;
+    return scenario_fail(m->tree, node, "plant.linear.blocks", m->error,
+                         "counts %d states; there are nx = %d", states, plant->nx);
 }
 
 static void set_time(const struct maker *m)
@@ -291,7 +326,7 @@ struct scenario_linear_plant *scenario_linear_make(struct scenario_tree *tree, i
         set_time(&maker);
         fill_plant(linear);
         if (read_omega(&maker) && read_origin(&maker) && rename_states(&maker) &&
-            cut_groups(&maker))
+            cut_groups(&maker) && cut_states(&maker))
             return linear;
     }
     scenario_linear_free(linear);

@@ -203,6 +203,50 @@ static void drives_are_part_of_the_experiment(void **state)
     scenario_free(more);
 }
 
+/* Estimators see the nominal value of an unknown input, the log's truth has what it was. */
+static void an_unknown_input_moves_the_plant_and_is_not_told(void **state)
+{
+    (void)state;
+    static const char text[] =
+        "name: hidden\n"
+        "time: {period_s: 0.01, duration_s: 5}\n"
+        "plant:\n"
+        "  name: descriptor_uio\n"
+        "  drive:\n"
+        "    - {name: u1, signal: sinusoid, value: 0, amplitude: 1, omega: 2,\n"
+        "       phase: 1.5707963267948966}\n"
+        "    - {name: u2, signal: steps, value: 0,\n"
+        "       steps: [{at_s: 2, value: 5}, {at_s: 5, value: 2}]}\n"
+        "    - {name: v, signal: sinusoid, value: 0, amplitude: 5, omega: 1}\n"
+        "networks:\n"
+        "  - name: one\n"
+        "    guess: [0, 0, 0, 0]\n"
+        "    high_gain_ekf: {d: 0.02, DeltaT: 0.001, beta: 5, m: 4, lambda: 100, theta_m: 20,\n"
+        "      Q: [1, 1, 1, 1], R: [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]}\n";
+    struct error error = {.text = ""};
+    struct scenario *scenario = scenario_parse(text, "x.yaml", NULL, 0, &error);
+    struct sample_source source;
+    struct sample_data data = {0};
+    char reason[256] = "";
+    if (scenario == NULL || !plant_source(scenario, &source, &error))
+        fail_msg("%s", error.text);
+    for (int k = 0; k <= 450; k++) {
+        if (!source.next(source.self, k, &data, reason, sizeof reason))
+            fail_msg("%s", reason);
+        assert_true(data.u[2] >= 0 && data.u[2] <= 0);
+        assert_true(fabs(data.u[0] - cos(0.02 * k)) < 1e-13);
+        assert_true(fabs(data.x[3] + cos(0.02 * k)) < 1e-13); /* x4 = -u1 */
+        assert_true(fabs(data.x[4] - 5 * sin(0.01 * k)) < 1e-12);
+    }
+    /* reference data at t = 4.5: v has been at work */
+    static const double x[] = {6.226658320509743, 4.163549450714199, -3.746200664254506,
+                               0.9111302618846769};
+    for (int i = 0; i < 4; i++)
+        assert_true(fabs(data.x[i] - x[i]) < 1e-7 * (1 + fabs(x[i])));
+    source.destroy(source.self);
+    scenario_free(scenario);
+}
+
 /* ---- what is refused ---- */
 
 static void what_makes_no_sense_is_refused_where_it_stands(void **state)
@@ -281,6 +325,7 @@ int main(void)
         cmocka_unit_test(a_cascade_brings_the_level_to_its_set_point),
         cmocka_unit_test(times_of_a_loop_are_in_plant_time),
         cmocka_unit_test(drives_are_part_of_the_experiment),
+        cmocka_unit_test(an_unknown_input_moves_the_plant_and_is_not_told),
         cmocka_unit_test(what_makes_no_sense_is_refused_where_it_stands),
         cmocka_unit_test(a_rate_input_cannot_be_driven),
     };

@@ -90,6 +90,21 @@ static void a_written_plant_is_a_plant_like_the_others(void **state)
     scenario_free(scenario);
 }
 
+static void blocks_are_the_states_of_the_groups(void **state)
+{
+    (void)state;
+    struct scenario *plain = parse(NULL), *cut = parse("plant.linear.blocks=[0, 1, 1]");
+    for (int g = 0; g < 3; g++) {
+        assert_int_equal(plain->process->subsystems[g].n_states, 0);
+        assert_int_equal(cut->process->subsystems[g].n_states, g > 0);
+    }
+    assert_int_equal(cut->process->subsystems[1].states[0], 0);
+    assert_int_equal(cut->process->subsystems[2].states[0], 1);
+    assert_true(plain->hash != cut->hash);
+    scenario_free(plain);
+    scenario_free(cut);
+}
+
 static void its_model_has_the_matrices_of_the_scenario(void **state)
 {
     (void)state;
@@ -247,6 +262,54 @@ static void a_swinging_matrix_swings_in_seconds(void **state)
     scenario_free(scenario);
 }
 
+/* Reference data of an independent implementation at t = 0, 0.5, 1, 5 and 10. */
+static void the_time_varying_plant_runs_as_its_reference(void **state)
+{
+    (void)state;
+    static const char text[] =
+        "name: ltv2\n"
+        "time: {period_s: 0.01, duration_s: 10.01}\n"
+        "plant:\n"
+        "  name: linear\n"
+        "  linear: {nx: 2, A: [-0.15, -2, 2, 0], A_sin: [0.4, 0, 0, 0], omega: 1, C: [1, 0, 0, "
+        "1],\n"
+        "           groups: [1, 1]}\n"
+        "  x0: [15, -10]\n"
+        "networks:\n"
+        "  - name: one\n"
+        "    guess: [0, 0]\n"
+        "    high_gain_ekf: {d: 0.02, DeltaT: 0.1, beta: 5, m: 4, lambda: 100, theta_m: 20,\n"
+        "                    Q: [1, 1], R: [1, 1]}\n";
+    static const int samples[] = {0, 50, 100, 500, 1000};
+    static const double want[][2] = {{15.0, -10.0},
+                                     {16.217041917557477, 6.910772638907787},
+                                     {3.4253869427857575, 17.642237089791255},
+                                     {-14.103576721558328, 1.6503999378244347},
+                                     {10.134041711830779, 5.404494923316719}};
+    static const char *const rk4[] = {"plant.integrator.kind=rk4"};
+    for (unsigned one_step = 0; one_step < 2; one_step++) {
+        struct error error = {.text = ""};
+        struct sample_source source;
+        struct sample_data data = {0};
+        char reason[256] = "";
+        struct scenario *scenario = scenario_parse(text, "x.yaml", rk4, one_step, &error);
+        if (scenario == NULL || !plant_source(scenario, &source, &error))
+            fail_msg("%s", error.text);
+        for (int k = 0, row = 0; k <= 1000; k++) {
+            if (!source.next(source.self, k, &data, reason, sizeof reason))
+                fail_msg("%s", reason);
+            if (k != samples[row])
+                continue;
+            for (int i = 0; i < 2; i++)
+                if (!(fabs(data.x[i] - want[row][i]) < 2e-6)) /* 1e-7 of its size */
+                    fail_msg("state %d at sample %d is off by %g", i, k, data.x[i] - want[row][i]);
+            row++;
+        }
+        source.destroy(source.self);
+        scenario_free(scenario);
+    }
+}
+
 static void the_matrices_count_for_the_hash(void **state)
 {
     (void)state;
@@ -301,6 +364,12 @@ static void what_does_not_fit_is_refused_with_its_line(void **state)
         {"time: discrete", "omega: 1",
          "plant.linear: A_sin and omega belong together; one of them is missing"},
         {"time: discrete", "A_sin: [1]", "plant.linear.A_sin: has 1 values; it must have 4"},
+        {"time: discrete", "blocks: [1, 1]",
+         "x.yaml:7: plant.linear.blocks: has 2 values; it must have 3, one per group"},
+        {"time: discrete", "blocks: [1, 0, 2]",
+         "x.yaml:7: plant.linear.blocks: counts 3 states; there are nx = 2"},
+        {"time: discrete", "unknown: 2",
+         "x.yaml:7: plant.linear.unknown: 2 of nu = 1 inputs cannot be unknown"},
         {"x0: [1, -1]", "x0: [1]",
          "x.yaml:14: plant.x0: has 1 values; it must have 2, one per state of linear: x1, x2"},
         {"R: [1, 1, 1]", "R: [1, 1]", "R: has 2 values; it must have 3, one per output of linear"},
@@ -364,11 +433,13 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_written_plant_is_a_plant_like_the_others),
+        cmocka_unit_test(blocks_are_the_states_of_the_groups),
         cmocka_unit_test(its_model_has_the_matrices_of_the_scenario),
         cmocka_unit_test(what_is_left_out_has_a_default),
         cmocka_unit_test(the_samples_of_a_discrete_plant_follow_its_matrices),
         cmocka_unit_test(a_plant_rests_at_its_origin),
         cmocka_unit_test(a_swinging_matrix_swings_in_seconds),
+        cmocka_unit_test(the_time_varying_plant_runs_as_its_reference),
         cmocka_unit_test(the_matrices_count_for_the_hash),
         cmocka_unit_test(what_does_not_fit_is_refused_with_its_line),
         cmocka_unit_test(more_outputs_than_there_may_be_are_refused),

@@ -57,6 +57,8 @@ struct dse_plant {
     const struct dse_signal *states;  /* nx */
     const struct dse_signal *inputs;  /* nu */
     const struct dse_signal *outputs; /* ny */
+    int n_unknown; /* so many inputs, the last ones, are disturbances: estimators are not told their
+                    * values and get the nominal ones */
 
     int n_parameters;
     const struct dse_parameter *parameters;
@@ -77,6 +79,10 @@ struct dse_plant {
     void (*model)(const dse_real *prepared, struct dse_model *model);
     /* Fills the normal form; NULL when the plant has none. */
     void (*normal_form)(const dse_real *prepared, struct dse_normal_form *form);
+    /* Of a descriptor plant E x' = g(t, x, u) with singular E: puts the states that an algebraic
+     * equation ties to the other ones and the inputs into x. The model's f does without them and
+     * gives 0 for their derivatives, its outputs are of the completed state. NULL: none is tied. */
+    void (*complete)(const dse_real *prepared, dse_real t, const dse_real *u, dse_real *x);
 };
 
 /* The largest prepared_size, nx, nu, ny of all shipped plants and generous bounds for one's own. */
