@@ -280,7 +280,9 @@ const dse_real *dse_dkf_gain(const struct dse_dkf *dkf, int j)
 {
     if (j < 0 || j >= dkf->n_gains)
         return NULL;
-    return dkf_parts(dkf, dkf->now).gains + j * dkf->ny * dkf->ny;
+    /* a discrete correction has moved them before they acted */
+    dse_real *state = dkf->corrected && dkf->filtered != NULL ? dkf->next : dkf->now;
+    return dkf_parts(dkf, state).gains + j * dkf->ny * dkf->ny;
 }
 
 const dse_real *dse_dkf_residual(const struct dse_dkf *dkf)

@@ -144,8 +144,10 @@ static enum dse_status rates(void *context, dse_real t, const dse_real *state, d
     if (status != DSE_OK)
         return status;
     dkf_residual(dkf, now.x, w->Cx, w->eps);
-    if (dkf->n_gains > 0)
-        couple(dkf, w, now.gains, config->scheme == DSE_DKF_GLOBAL ? NULL : d.gains);
+    if (config->scheme == DSE_DKF_GLOBAL) /* not part of what is integrated: held */
+        couple(dkf, w, dkf_parts(dkf, dkf->next).gains, NULL);
+    else if (dkf->n_gains > 0)
+        couple(dkf, w, now.gains, d.gains);
     if (now.P != NULL) {
         riccati_rate(dkf, w, now.P, d.P);
         pull_by_covariance(dkf, w, d.x);

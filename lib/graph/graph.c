@@ -32,21 +32,21 @@ static void transpose(int nodes, const int *from_first, const int *from, int *fi
     first[0] = 0;
 }
 
-static bool good_ends(int nodes, int count, const int (*pairs)[2])
+static bool good_ends(int nodes, int count, const int *pairs)
 {
     for (int k = 0; k < count; k++)
-        if (pairs[k][0] < 0 || pairs[k][0] >= nodes || pairs[k][1] < 0 || pairs[k][1] >= nodes ||
-            pairs[k][0] == pairs[k][1])
+        if (pairs[2 * k] < 0 || pairs[2 * k] >= nodes || pairs[2 * k + 1] < 0 ||
+            pairs[2 * k + 1] >= nodes || pairs[2 * k] == pairs[2 * k + 1])
             return false;
     return true;
 }
 
-static void fill(struct lists *lists, int nodes, int count, const int (*pairs)[2], bool undirected)
+static void fill(struct lists *lists, int nodes, int count, const int *pairs, bool undirected)
 {
     for (int k = 0; k < count; k++) {
         for (int way = 0; way <= undirected; way++) {
-            lists->out_first[pairs[k][way] + 1]++;
-            lists->in_first[pairs[k][1 - way] + 1]++;
+            lists->out_first[pairs[2 * k + way] + 1]++;
+            lists->in_first[pairs[2 * k + 1 - way] + 1]++;
         }
     }
     accumulate(nodes, lists->out_first);
@@ -54,7 +54,7 @@ static void fill(struct lists *lists, int nodes, int count, const int (*pairs)[2
     int *out_first = lists->out_first;
     for (int k = 0; k < count; k++) /* any order at first */
         for (int way = 0; way <= undirected; way++)
-            lists->out[out_first[pairs[k][way]]++] = pairs[k][1 - way];
+            lists->out[out_first[pairs[2 * k + way]]++] = pairs[2 * k + 1 - way];
     for (int i = nodes; i > 0; i--)
         out_first[i] = out_first[i - 1];
     out_first[0] = 0;
@@ -71,7 +71,7 @@ static bool has_twice(const struct lists *lists, int nodes)
     return false;
 }
 
-enum dse_status dse_graph_make(struct dse_graph *graph, int nodes, int count, const int (*pairs)[2],
+enum dse_status dse_graph_make(struct dse_graph *graph, int nodes, int count, const int *pairs,
                                bool undirected, struct dse_arena *arena)
 {
     const int edges = undirected ? 2 * count : count;

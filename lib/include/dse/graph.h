@@ -34,9 +34,10 @@ struct dse_graph {
 #define DSE_GRAPH_STORAGE(nodes, edges)                                                            \
     (2 * DSE_ARENA_INTS((nodes) + 1) + 2 * DSE_ARENA_INTS(edges))
 
-/* `count` pairs {from, to}; undirected: each stands for both directions. DSE_EINVAL: fewer than one
- * node, an end that is no node, a node that hears itself, an edge given twice; DSE_ESTORAGE. */
-enum dse_status dse_graph_make(struct dse_graph *graph, int nodes, int count, const int (*pairs)[2],
+/* pairs: `count` times {from, to}; undirected: each stands for both directions. DSE_EINVAL: fewer
+ * than one node, an end that is no node, a node that hears itself, an edge given twice;
+ * DSE_ESTORAGE. */
+enum dse_status dse_graph_make(struct dse_graph *graph, int nodes, int count, const int *pairs,
                                bool undirected, struct dse_arena *arena);
 
 int dse_graph_in_degree(const struct dse_graph *graph, int i);
