@@ -30,9 +30,9 @@ static enum dse_status begin(void *self, const struct method_sample *sample)
  * whose last step failed has an old estimate: it keeps silent, and counts as not heard. */
 static void say_estimate(struct distributed_kalman_node *node, struct method_message *message)
 {
-    int n_voices = node->config.listeners != NULL ? node->n_voices : 1;
+    int n_voices = node->config.listeners != NULL ? node->n_voices : node->n_voices > 0;
     message->count = 0;
-    message->withheld = !node->ok || node->n_voices == 0;
+    message->withheld = !node->ok;
     for (int l = 0; !message->withheld && l < n_voices; l++)
         message->count += dse_dkf_message(&node->filter, l, message->value + message->count);
 }
@@ -72,6 +72,7 @@ static enum method_step next(void *self, int round, struct method_plan *plan,
         plan->n_wait = node->n_ears;
         for (int j = 0; j < node->n_ears; j++)
             plan->wait[j] = node->ears[j].from;
+        plan->speak = node->n_voices > 0;
         say_estimate(node, message);
         return METHOD_ROUND;
     }

@@ -28,7 +28,7 @@ struct distributed_observer_node {
     struct dse_distributed_observer_config config;
     struct dse_distributed_observer observer;
     dse_real *memory;
-    int n_neighbours;
+    int n_neighbours, n_listeners;
     int *neighbours;
     struct lossy_rounds *links; /* NULL: what is said is heard */
     int64_t k;
@@ -146,6 +146,7 @@ static bool find_neighbours(struct distributed_observer_node *node,
                             const struct method_setup *setup, const struct method_info *info)
 {
     node->n_neighbours = info->n_neighbours;
+    node->n_listeners = info->n_listeners;
     node->neighbours = calloc((size_t)info->n_neighbours + 1, sizeof *node->neighbours);
     node->theirs = calloc((size_t)info->n_neighbours + 1, sizeof *node->theirs);
     node->u_held = calloc((size_t)node->size.nu + 1, sizeof *node->u_held);
@@ -223,9 +224,9 @@ static enum method_step next(void *self, int round, struct method_plan *plan,
 {
     struct distributed_observer_node *node = self;
     const dse_real *xh = dse_distributed_observer_estimate(&node->observer);
-    (void)plan; /* the neighbours of the graph */
-    if (round > 0)
+    if (round > 0 || (node->n_neighbours == 0 && node->n_listeners == 0))
         return METHOD_DONE;
+    plan->speak = node->n_listeners > 0; /* to be heard in the next period */
     message->withheld = !dse_distributed_observer_may_speak(&node->observer);
     if (message->withheld)
         return METHOD_ROUND;

@@ -42,12 +42,12 @@ def communication(network: Network) -> Communication:
     """Cost of a network per sample."""
     frames = [values for node in network.nodes for _, values in node.frames]
     told = bool(frames) or not any(node.neighbours for node in network.nodes)
-    per_sample = 1 / max([1, *(len(node.done.sample) for node in network.nodes)])
+    samples = max([1, *(len(node.done.sample) for node in network.nodes)])
     return Communication(
         links=sum(len(node.neighbours) for node in network.nodes),
         frames=len(frames) if told else None,
         frame_bytes=sum(map(frame_bytes, frames)) if told else None,
-        messages=per_sample * sum(int(node.done.sent.sum()) for node in network.nodes),
-        payload_bytes=per_sample * sum(int(node.done.sent_bytes.sum()) for node in network.nodes),
-        wire_bytes=per_sample * sum(node.exchanges.wire_bytes for node in network.nodes),
+        messages=sum(int(node.done.sent.sum()) for node in network.nodes) / samples,
+        payload_bytes=sum(int(node.done.sent_bytes.sum()) for node in network.nodes) / samples,
+        wire_bytes=sum(node.exchanges.wire_bytes for node in network.nodes) / samples,
     )
