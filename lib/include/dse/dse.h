@@ -8,6 +8,7 @@
 #include "dse/distributed_observer.h"
 #include "dse/ekf.h"
 #include "dse/factored.h"
+#include "dse/gramian.h"
 #include "dse/graph.h"
 #include "dse/health.h"
 #include "dse/high_gain_ekf.h"

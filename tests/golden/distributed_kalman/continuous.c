@@ -5,7 +5,7 @@
 
 #include "parts.h"
 
-static struct sensor_network network;
+static struct kalman_network network;
 static const dse_real identity[NX * NX] = {1, 0, 0, 1};
 
 /* Runs the network that has been made along the file, comparing wherever it has a record. */

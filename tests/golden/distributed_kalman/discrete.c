@@ -5,7 +5,7 @@
 
 #include "parts.h"
 
-static struct sensor_network network;
+static struct kalman_network network;
 
 /* A(k) as the file lists it; the time of a sample is its number. */
 struct listed_plant {

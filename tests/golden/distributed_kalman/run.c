@@ -26,7 +26,7 @@ static bool fetch(const json_t *root, const char *key, int count, double *x)
     return found == count;
 }
 
-static bool fetch_nodes(const json_t *root, struct sensor_network *network)
+static bool fetch_nodes(const json_t *root, struct kalman_network *network)
 {
     double types[NETWORK_NODES], R[NETWORK_NODES], starts[NETWORK_NODES * NX];
     const char *guess = json_object_get(root, "xhat0") != NULL ? "xhat0" : "xbar0";
@@ -51,7 +51,7 @@ static bool fetch_nodes(const json_t *root, struct sensor_network *network)
     return true;
 }
 
-int golden_run_load(const json_t *root, struct golden_run *run, struct sensor_network *network)
+int golden_run_load(const json_t *root, struct golden_run *run, struct kalman_network *network)
 {
     const json_t *guess = json_object_get(root, "xhat0");
     if (guess == NULL)
@@ -62,7 +62,7 @@ int golden_run_load(const json_t *root, struct golden_run *run, struct sensor_ne
                                .worst = GOLDEN_PASS};
     if (run->nodes < 1 || run->nodes > NETWORK_NODES || !(run->h > 0))
         return GOLDEN_UNSUPPORTED;
-    *network = (struct sensor_network){.nodes = run->nodes, .model = swinging_plant()};
+    *network = (struct kalman_network){.nodes = run->nodes, .model = swinging_plant()};
     network->base.period = run->h;
     network->base.sensor.ny = 1;
     if (!fetch(root, "x0", NX, run->x) || !fetch_nodes(root, network))
@@ -86,7 +86,7 @@ void golden_run_free(struct golden_run *run)
     free(run->v);
 }
 
-enum dse_status golden_run_make(const json_t *root, struct sensor_network *network)
+enum dse_status golden_run_make(const json_t *root, struct kalman_network *network)
 {
     static int pairs[2 * NETWORK_EDGES];
     int count;
@@ -98,7 +98,7 @@ enum dse_status golden_run_make(const json_t *root, struct sensor_network *netwo
                                       : DSE_ESTORAGE;
 }
 
-void golden_run_measure(const struct golden_run *run, const struct sensor_network *network, int k,
+void golden_run_measure(const struct golden_run *run, const struct kalman_network *network, int k,
                         double *y)
 {
     for (int i = 0; i < run->nodes; i++) {
@@ -143,7 +143,7 @@ static void judge(struct golden_run *run, int k, const char *name, const char *k
         run->worst = GOLDEN_FAIL;
 }
 
-void golden_run_compare(struct golden_run *run, const struct sensor_network *network, int k,
+void golden_run_compare(struct golden_run *run, const struct kalman_network *network, int k,
                         const char *name, const char *key, golden_of_node of_node, int per_node)
 {
     static double got[NETWORK_NODES * NETWORK_NX * NETWORK_NX];
@@ -155,7 +155,7 @@ void golden_run_compare(struct golden_run *run, const struct sensor_network *net
     judge(run, k, name, key, run->nodes * per_node, got);
 }
 
-void golden_run_compare_gains(struct golden_run *run, const struct sensor_network *network, int k,
+void golden_run_compare_gains(struct golden_run *run, const struct kalman_network *network, int k,
                               const char *name)
 {
     static double got[NETWORK_EDGES];

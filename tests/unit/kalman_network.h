@@ -1,8 +1,10 @@
 /* A network of distributed Kalman filters in one process: messages handed over in memory. A test
  * fills `base`, the sensors and the starts, calls network_make, and then for each sample
  * network_hear (the exchange; the states are then those of the sample) and network_advance. */
-#ifndef SENSOR_NETWORK_H
-#define SENSOR_NETWORK_H
+#ifndef KALMAN_NETWORK_H
+#define KALMAN_NETWORK_H
+
+#include <stddef.h>
 
 #include "dse/distributed_kalman.h"
 #include "dse/graph.h"
@@ -18,7 +20,7 @@ enum {
     NETWORK_GRAPH = DSE_GRAPH_STORAGE(NETWORK_NODES, NETWORK_EDGES)
 };
 
-struct sensor_network {
+struct kalman_network {
     /* filled by the test: */
     struct dse_dkf_config base; /* what all nodes share */
     int nodes;
@@ -61,13 +63,13 @@ static inline struct dse_model swinging_plant(void)
 }
 
 /* Sensor type of the source: 1: C = [1 0], 2: C = [0 1]. */
-static inline void network_sense(struct sensor_network *network, int i, int type)
+static inline void network_sense(struct kalman_network *network, int i, int type)
 {
     network->C[i][0] = type == 1;
     network->C[i][1] = type == 2;
 }
 
-static inline enum dse_status network_make(struct sensor_network *network, int count,
+static inline enum dse_status network_make(struct kalman_network *network, int count,
                                            const int *pairs, bool undirected)
 {
     struct dse_arena arena;
@@ -100,7 +102,7 @@ static inline enum dse_status network_make(struct sensor_network *network, int c
 }
 
 /* Messages of all nodes to all that hear them, in the order of the lists. */
-static inline enum dse_status network_exchange(struct sensor_network *network)
+static inline enum dse_status network_exchange(struct kalman_network *network)
 {
     const struct dse_graph *graph = &network->graph;
     enum dse_status worst = DSE_OK;
@@ -120,7 +122,7 @@ static inline enum dse_status network_exchange(struct sensor_network *network)
     return worst;
 }
 
-static inline enum dse_status network_add_up(struct sensor_network *network)
+static inline enum dse_status network_add_up(struct kalman_network *network)
 {
     const int square = network->base.sensor.ny * network->base.sensor.ny;
     dse_real sum[NETWORK_NY * NETWORK_NY] = {0}, term[NETWORK_NY * NETWORK_NY];
@@ -139,7 +141,7 @@ static inline enum dse_status network_add_up(struct sensor_network *network)
 
 /* Sample at t with the measurements y (nodes x ny; NaN: missing) and the whole exchange. The last
  * status that was not OK, else OK. */
-static inline enum dse_status network_hear(struct sensor_network *network, dse_real t,
+static inline enum dse_status network_hear(struct kalman_network *network, dse_real t,
                                            const dse_real *y)
 {
     enum dse_status worst = DSE_OK;
@@ -159,7 +161,7 @@ static inline enum dse_status network_hear(struct sensor_network *network, dse_r
     return worst;
 }
 
-static inline enum dse_status network_advance(struct sensor_network *network)
+static inline enum dse_status network_advance(struct kalman_network *network)
 {
     enum dse_status worst = DSE_OK;
     for (int i = 0; i < network->nodes; i++) {
