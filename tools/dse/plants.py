@@ -57,6 +57,15 @@ class ParameterSet:
     """(nx,)."""
 
 
+@dataclass(frozen=True)
+class Subsystem:
+    """Who measures and estimates what."""
+
+    name: str
+    states: list[int]
+    outputs: list[int]
+
+
 def find(path: str | Path | None = None) -> Path:
     """The library: as given, from $DSE_PLANTS, or the newest below build/."""
     if given := path or os.environ.get(VARIABLE):
@@ -82,6 +91,8 @@ def _load(path: Path) -> ctypes.CDLL:
         ("text", text, (text, text, count, text)),
         ("number", ctypes.c_double, (text, text, count, text)),
         ("set", count, (text, count, _Numbers, _Numbers)),
+        ("members", count, (text, count, text, ctypes.POINTER(count))),
+        ("expm", count, (count, _Numbers, _Numbers)),
         ("evaluate", count, (text, _Numbers, text, ctypes.c_double, _Numbers, _Numbers, _Numbers)),
         (
             "simulate",
@@ -124,6 +135,14 @@ class Plant:
             for i in range(self._count("parameter"))
         ]
         self.sets = [self._set(i) for i in range(self._count("set"))]
+        self.subsystems = [
+            Subsystem(
+                self._text("subsystem", i, "name"),
+                self._members(i, "state", len(self.states)),
+                self._members(i, "output", len(self.outputs)),
+            )
+            for i in range(self._count("subsystem"))
+        ]
         self.time_unit = self._text("plant", 0, "time_unit")
         self.time_unit_s = self._number("plant", 0, "time_unit_s")
 
@@ -148,6 +167,11 @@ class Plant:
             )
             for i in range(self._count(kind))
         ]
+
+    def _members(self, subsystem: int, kind: str, room: int) -> list[int]:
+        found = (ctypes.c_int * (room + 1))()
+        count = self._library.plants_members(self._key, subsystem, kind.encode(), found)
+        return list(found[:count])
 
     def _set(self, i: int) -> ParameterSet:
         values, x0 = np.empty(len(self.parameters)), np.empty(len(self.states))
@@ -188,6 +212,13 @@ class Plant:
                 self._key, raw[0], what.encode(), t, raw[1], raw[2], _pointer(out)
             )
         )
+        return out
+
+    def expm(self, A: Floats) -> Floats:  # noqa: N803
+        """exp(A), (n, n), by the library's own function; ModelError."""
+        given = np.ascontiguousarray(A, dtype=float)
+        out = np.empty_like(given)
+        self._check(self._library.plants_expm(len(given), _pointer(given), _pointer(out)))
         return out
 
     def simulate(

@@ -8,12 +8,15 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dse/linalg.h"
 #include "dse/ode.h"
 #include "dse/plant.h"
 
 /* ---- what there is ---- */
 
 const char *plants_at(int i);
+int plants_members(const char *plant, int subsystem, const char *kind, int *members);
+int plants_expm(int n, const double *A, double *E);
 int plants_count(const char *plant, const char *kind);
 const char *plants_text(const char *plant, const char *kind, int i, const char *field);
 int plants_set(const char *plant, int set, double *values, double *x0);
@@ -38,7 +41,8 @@ static const struct dse_signal *signals_of(const struct dse_plant *plant, const 
                                 : NULL;
 }
 
-/* How many of a kind: state, input, output, parameter, set; -1: no such plant or kind. */
+/* How many of a kind: state, input, output, parameter, set, subsystem; -1: no such plant or kind.
+ */
 int plants_count(const char *name, const char *kind)
 {
     const struct dse_plant *plant = dse_plant_find(name);
@@ -48,6 +52,7 @@ int plants_count(const char *name, const char *kind)
            : is(kind, "output")    ? plant->ny
            : is(kind, "parameter") ? plant->n_parameters
            : is(kind, "set")       ? plant->n_sets
+           : is(kind, "subsystem") ? plant->n_subsystems
                                    : -1;
 }
 
@@ -64,6 +69,9 @@ const char *plants_text(const char *name, const char *kind, int i, const char *f
     if (is(kind, "set")) {
         return is(field, "name") ? plant->sets[i].name : plant->sets[i].title;
     }
+    if (is(kind, "subsystem")) {
+        return plant->subsystems[i].name;
+    }
     if (is(kind, "parameter")) {
         const struct dse_parameter *one = &plant->parameters[i];
         return is(field, "name") ? one->name : is(field, "unit") ? one->unit : one->title;
@@ -79,7 +87,7 @@ double plants_number(const char *name, const char *kind, int i, const char *fiel
     if (plant != NULL && is(kind, "plant")) {
         return plant->time_unit_s;
     }
-    if (i < 0 || i >= plants_count(name, kind) || is(kind, "set")) {
+    if (i < 0 || i >= plants_count(name, kind) || is(kind, "set") || is(kind, "subsystem")) {
         return NAN;
     }
     if (is(kind, "parameter")) {
@@ -99,6 +107,26 @@ int plants_set(const char *name, int set, double *values, double *x0)
     memcpy(values, plant->sets[set].values, (size_t)plant->n_parameters * sizeof *values);
     memcpy(x0, plant->sets[set].x0, (size_t)plant->nx * sizeof *x0);
     return DSE_OK;
+}
+
+/* Which states or outputs (kind) belong to a subsystem, into `members` (room for all that the plant
+ * has); their number, -1: there is no such subsystem or kind. */
+int plants_members(const char *name, int subsystem, const char *kind, int *members)
+{
+    const struct dse_plant *plant = dse_plant_find(name);
+    if (plant == NULL || subsystem < 0 || subsystem >= plant->n_subsystems) {
+        return -1;
+    }
+    const struct dse_subsystem *one = &plant->subsystems[subsystem];
+    const int states = is(kind, "state");
+    if (!states && !is(kind, "output")) {
+        return -1;
+    }
+    const int count = states ? one->n_states : one->n_outputs;
+    for (int j = 0; j < count; j++) {
+        members[j] = states ? one->states[j] : one->outputs[j];
+    }
+    return count;
 }
 
 /* ---- equations ---- */
@@ -186,5 +214,17 @@ int plants_simulate(const char *name, const double *values, int steps_per_sample
         }
     }
     free(prepared);
+    return status;
+}
+
+/* E = exp(A), n x n, with the library's own function. */
+int plants_expm(int n, const double *A, double *E)
+{
+    double *scratch = malloc((size_t)DSE_EXPM_SCRATCH(n) * sizeof *scratch);
+    if (scratch == NULL) {
+        return DSE_ESTORAGE;
+    }
+    const int status = dse_expm(n, A, E, scratch);
+    free(scratch);
     return status;
 }

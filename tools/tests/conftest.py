@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+from compiled import ROOMS, ROOT, compile_c
 from synthetic import Plan, write
 
 from dse import cli
@@ -47,3 +48,22 @@ def dse(capsys: pytest.CaptureFixture[str]) -> Command:
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A log without faults."""
     return write(tmp_path_factory.mktemp("plain") / "plain.lcm", Plan())
+
+
+@pytest.fixture(scope="session")
+def native(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Libdse_plants.so, compiled here."""
+    where = tmp_path_factory.mktemp("native")
+    sources = [ROOT / "tools" / "native" / "plants.c"]
+    for room in (*ROOMS, "ode"):
+        sources += sorted((ROOT / "lib" / room).glob("*.c"))
+    target = where / "libdse_plants.so"
+    compile_c(["-DDSE_REAL_IS_double=1", "-shared", *map(str, sources), "-o", str(target)], where)
+    return target
+
+
+@pytest.fixture
+def library(native: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The same, found by the tools."""
+    monkeypatch.setenv("DSE_PLANTS", str(native))
+    return native

@@ -5,7 +5,7 @@ from pathlib import Path
 import lcm
 import numpy as np
 import pytest
-from compiled import COMPILER, ROOMS, ROOT, compile_c
+from compiled import COMPILER, ROOT
 from conftest import Command
 from synthetic import Plan, Writer, parts, plant_info, put_info, put_node
 
@@ -20,23 +20,6 @@ pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 NAMES = ["ap1", "ap2", "ad1", "ad2", "ad3", "b1", "b2"]
 PERIOD = 1 / 3600
 NOISE = 0.3
-
-
-@pytest.fixture(scope="session")
-def native(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    where = tmp_path_factory.mktemp("native")
-    sources = [ROOT / "tools" / "native" / "plants.c"]
-    for room in (*ROOMS, "ode"):
-        sources += sorted((ROOT / "lib" / room).glob("*.c"))
-    target = where / "libdse_plants.so"
-    compile_c(["-DDSE_REAL_IS_double=1", "-shared", *map(str, sources), "-o", str(target)], where)
-    return target
-
-
-@pytest.fixture
-def library(native: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("DSE_PLANTS", str(native))
-    return native
 
 
 @pytest.fixture

@@ -7,11 +7,21 @@ in the functions that need them, so that `dse --help` stays quick.
 
 from types import ModuleType
 
-from dse.design import bounds, functional, identify, normal_form, observability, tune, uio
+from dse.design import (
+    bounds,
+    functional,
+    identify,
+    linearise,
+    normal_form,
+    observability,
+    tune,
+    uio,
+)
 
 COMMANDS: tuple[ModuleType, ...] = (
     normal_form,
     observability,
+    linearise,
     identify,
     tune,
     bounds,
