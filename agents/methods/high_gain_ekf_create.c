@@ -261,6 +261,7 @@ static void describe(const struct high_gain_ekf_node *node, const struct method_
             info->neighbours[info->n_neighbours++] = j;
             info->listeners[info->n_listeners++] = j;
         }
+    info->every = (int)node->section->communication.every;
     info->n_diagnostics = DIAGNOSTICS;
     memcpy(info->diagnostics, diagnostics, sizeof diagnostics);
     snprintf(info->diagnostics[DIAGNOSTIC_INNOVATION].unit,

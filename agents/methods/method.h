@@ -56,6 +56,7 @@ struct method_info {
     int neighbours[METHOD_MAX_NODES];
     int n_listeners; /* nodes that hear it, ascending */
     int listeners[METHOD_MAX_NODES];
+    int every; /* samples between its communication instants, in which a link counts delays; 0: 1 */
     int n_diagnostics;
     struct method_signal diagnostics[METHOD_DIAGNOSTICS_CAPACITY];
     int64_t storage_bytes; /* memory of the libdse object */
@@ -116,15 +117,15 @@ struct method_setup {
     const struct scenario *scenario;
     const struct scenario_network *network;
     const void *section; /* the network's section for this method, of section_size bytes */
-    const struct method_graph *graph; /* networks[].graph; NULL: the scenario gives none. A method
-                                       * that has no use for a graph refuses one */
+    const struct method_graph *graph;   /* networks[].graph; NULL: the scenario gives none. A method
+                                         * that has no use for a graph refuses one */
     const struct dse_link_config *link; /* networks[].link for all pairs, with outages counted in
                                          * samples; NULL: nothing is late or lost. What is sent on
                                          * the bus arrives: the method puts delays and losses in
                                          * where it receives, see methods/lossy_link.h */
-    const struct dse_plant *process;  /* scenario->process */
-    const dse_real *prepared;         /* the estimators' own plant constants; outlive the node */
-    double period;                    /* in the plant's time unit */
+    const struct dse_plant *process;    /* scenario->process */
+    const dse_real *prepared;           /* the estimators' own plant constants; outlive the node */
+    double period;                      /* in the plant's time unit */
     int node;
 };
 

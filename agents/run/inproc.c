@@ -147,7 +147,8 @@ static struct scenario *recorded_scenario(const struct run_options *options,
     for (unsigned i = 0; i < options->common.overrides_count; i++)
         overrides[recorded->info.overrides_count + i] = options->common.overrides[i];
     struct scenario *scenario =
-        scenario_parse(recorded->info.yaml, recorded->info.file, overrides, count, error);
+        scenario_parse_recorded(recorded->info.yaml, recorded->info.file, recorded->info.parts,
+                                recorded->info.parts_count, overrides, count, error);
     free(overrides);
     return scenario;
 }

@@ -95,6 +95,27 @@ static const char *network_title(const struct scenario_network *network,
     return method != NULL ? method->title : "";
 }
 
+/* Enough to tell every packet's fate by dse_link_fate; null: nothing is late or lost. */
+static json_t *link_of(const struct scenario_network *network)
+{
+    const struct dse_link_config *link = scenario_link_fates(network);
+    json_t *outages = json_array();
+    if (link == NULL) {
+        json_decref(outages);
+        return json_null();
+    }
+    for (int i = 0; i < link->n_outages; i++)
+        json_array_append_new(outages,
+                              json_pack("[i, i, I, I]", link->outages[i].from, link->outages[i].to,
+                                        (json_int_t)link->outages[i].first,
+                                        (json_int_t)link->outages[i].end));
+    char seed[24]; /* all 64 bits: JSON's integers have a sign */
+    snprintf(seed, sizeof seed, "%" PRIu64, link->seed);
+    return json_pack("{s:i, s:i, s:f, s:s, s:o, s:o}", "D", link->max_delay, "T_m",
+                     link->max_losses, "loss", link->loss, "seed", seed, "file",
+                     text_or_null(network->link->file), "outages", outages);
+}
+
 static json_t *networks(const struct scenario *scenario)
 {
     json_t *list = json_array();
@@ -102,10 +123,11 @@ static json_t *networks(const struct scenario *scenario)
         struct error error = {0};
         const struct scenario_network *network = &scenario->networks[i];
         const struct method *method = method_at(scenario_method(network));
-        json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:i}", "name", network->name,
+        json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:i, s:o}", "name", network->name,
                                               "title", network_title(network, method), "method",
                                               method != NULL ? method->name : "", "nodes",
-                                              network_nodes(scenario, (int)i, NULL, &error)));
+                                              network_nodes(scenario, (int)i, NULL, &error), "link",
+                                              link_of(network)));
     }
     return list;
 }
@@ -122,6 +144,15 @@ static json_t *type_hashes(void)
     return object;
 }
 
+static json_t *parts(const struct scenario *scenario)
+{
+    json_t *list = json_array();
+    for (unsigned i = 0; i < scenario->parts_count; i++)
+        json_array_append_new(list, json_pack("{s:s, s:s}", "name", scenario->parts[i].name, "text",
+                                              scenario->parts[i].text));
+    return list;
+}
+
 static json_t *scenario_object(const struct scenario *scenario)
 {
     char hash[32];
@@ -129,10 +160,10 @@ static json_t *scenario_object(const struct scenario *scenario)
     json_t *overrides = json_array();
     for (unsigned i = 0; i < scenario->overrides_count; i++)
         json_array_append_new(overrides, json_string(scenario->overrides[i]));
-    return json_pack("{s:s, s:o, s:o, s:s, s:s, s:s, s:o}", "name", scenario->name, "title",
+    return json_pack("{s:s, s:o, s:o, s:s, s:s, s:s, s:o, s:o}", "name", scenario->name, "title",
                      text_or_null(scenario->title), "source", text_or_null(scenario->source),
                      "file", scenario->file, "hash", hash, "yaml", scenario->yaml, "overrides",
-                     overrides);
+                     overrides, "parts", parts(scenario));
 }
 
 char *run_info_plant(const struct scenario *scenario, int64_t run_id, int pace, int64_t samples)
@@ -163,13 +194,14 @@ char *run_info_node(const struct scenario *scenario, int network, int node,
         json_array_append_new(frames,
                               json_pack("[i, i]", info->frames[i].from, info->frames[i].values));
     json_t *object = json_pack(
-        "{s:s, s:i, s:s, s:i, s:s, s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:I, s:I}", "kind",
+        "{s:s, s:i, s:s, s:i, s:s, s:s, s:s, s:o, s:o, s:o, s:o, s:i, s:o, s:o, s:I, s:I}", "kind",
         "node", "network", network, "network_name", scenario->networks[network].name, "node", node,
         "name", info->name, "method", method->name, "method_title", method->title, "states",
         indices(info->states, info->n_states), "groups", indices(info->groups, info->n_groups),
         "neighbours", indices(info->neighbours, info->n_neighbours), "listeners",
-        indices(info->listeners, info->n_listeners), "frames", frames, "diagnostics", diagnostics,
-        "storage_bytes", (json_int_t)info->storage_bytes, "source_run", (json_int_t)source_run);
+        indices(info->listeners, info->n_listeners), "every", info->every > 0 ? info->every : 1,
+        "frames", frames, "diagnostics", diagnostics, "storage_bytes",
+        (json_int_t)info->storage_bytes, "source_run", (json_int_t)source_run);
     char *text = json_dumps(object, JSON_COMPACT | JSON_REAL_PRECISION(17));
     json_decref(object);
     return text;
@@ -205,24 +237,46 @@ static bool read_overrides(const json_t *list, struct run_info_scenario *scenari
     return true;
 }
 
+/* Logs of older versions have none. */
+static bool read_parts(const json_t *list, struct run_info_scenario *scenario)
+{
+    size_t count = json_array_size(list);
+    scenario->parts = calloc(count + 1, sizeof *scenario->parts);
+    if (scenario->parts == NULL)
+        return false;
+    for (size_t i = 0; i < count; i++) {
+        const json_t *one = json_array_get(list, i);
+        const char *name = json_string_value(json_object_get(one, "name"));
+        const char *text = json_string_value(json_object_get(one, "text"));
+        if (name == NULL || text == NULL)
+            return false;
+        struct scenario_part *part = &scenario->parts[scenario->parts_count++];
+        part->name = strdup(name);
+        part->text = strdup(text);
+        if (part->name == NULL || part->text == NULL)
+            return false;
+    }
+    return true;
+}
+
 bool run_info_read_scenario(const char *json, struct run_info_scenario *scenario)
 {
     memset(scenario, 0, sizeof *scenario);
     json_t *object = json_loads(json, 0, NULL);
     const char *kind = NULL, *yaml = NULL, *file = NULL;
-    json_t *overrides = NULL;
+    json_t *overrides = NULL, *named = NULL;
     json_int_t samples = 0;
     bool ok = object != NULL &&
-              json_unpack(object, "{s:s, s:{s:s, s:s, s:o}, s:{s:I}}", "kind", &kind, "scenario",
-                          "yaml", &yaml, "file", &file, "overrides", &overrides, "time", "samples",
-                          &samples) == 0 &&
+              json_unpack(object, "{s:s, s:{s:s, s:s, s:o, s?o}, s:{s:I}}", "kind", &kind,
+                          "scenario", "yaml", &yaml, "file", &file, "overrides", &overrides,
+                          "parts", &named, "time", "samples", &samples) == 0 &&
               strcmp(kind, "plant") == 0;
     if (ok) {
         scenario->yaml = strdup(yaml);
         scenario->file = strdup(file);
         scenario->samples = samples;
-        ok =
-            scenario->yaml != NULL && scenario->file != NULL && read_overrides(overrides, scenario);
+        ok = scenario->yaml != NULL && scenario->file != NULL &&
+             read_overrides(overrides, scenario) && read_parts(named, scenario);
     }
     json_decref(object);
     return ok;
@@ -232,7 +286,12 @@ void run_info_scenario_free(struct run_info_scenario *scenario)
 {
     for (unsigned i = 0; i < scenario->overrides_count; i++)
         free(scenario->overrides[i]);
+    for (unsigned i = 0; i < scenario->parts_count; i++) {
+        free(scenario->parts[i].name);
+        free(scenario->parts[i].text);
+    }
     free(scenario->overrides);
+    free(scenario->parts);
     free(scenario->yaml);
     free(scenario->file);
 }

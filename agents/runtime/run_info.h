@@ -27,13 +27,16 @@ struct run_info_text {
 /* Adds a part; true when the text is complete. */
 bool run_info_add(struct run_info_text *info, const dse_run_info_t *message);
 
-/* The recorded scenario in a plant's run_info: YAML text, file name, overrides. The caller frees
- * them with run_info_scenario_free. False when the text is not a plant's run_info. */
+/* The recorded scenario in a plant's run_info: YAML text, file name, overrides, and the texts of
+ * the files that it names. The caller frees them with run_info_scenario_free. False when the text
+ * is not a plant's run_info. */
 struct run_info_scenario {
     char *yaml;
     char *file;
     char **overrides;
     unsigned overrides_count;
+    struct scenario_part *parts;
+    unsigned parts_count;
     int64_t samples;
 };
 bool run_info_read_scenario(const char *json, struct run_info_scenario *scenario);

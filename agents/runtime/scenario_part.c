@@ -3,6 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include <jansson.h>
+
 #include "runtime/scenario_internal.h"
 
 #define MAX_FILE_SIZE (1024 * 1024)
@@ -54,6 +56,14 @@ static void beside(const char *scenario, const char *name, char *path, size_t si
     snprintf(path, size, "%.*s%s", folder, scenario, name);
 }
 
+/* What a log carries is JSON, and that is UTF-8. */
+static bool is_utf8(const char *text)
+{
+    json_t *probe = json_string(text);
+    json_decref(probe);
+    return probe != NULL;
+}
+
 /* Takes the text over. */
 static const char *keep(struct scenario *scenario, const char *name, char *text)
 {
@@ -84,6 +94,11 @@ const char *scenario_part_text(const struct scenario_tree *tree, struct scenario
         read = scenario_text(path, error);
         if (read == NULL)
             return NULL;
+        if (!is_utf8(read)) {
+            error_set(error, "%s: is not UTF-8 text", path);
+            free(read);
+            return NULL;
+        }
     } else {
         read = strdup(given);
     }

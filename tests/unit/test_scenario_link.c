@@ -302,6 +302,12 @@ static void a_recorded_network_is_looked_for_beside_the_scenario(void **state)
         fail_msg("%s", error.text);
     assert_int_equal(scenario_link_fates(&scenario->networks[0])->table[1], 3);
     scenario_free(scenario);
+    stream = fopen(network, "w");
+    assert_non_null(stream);
+    fputs("# of M\xfcller\n0,1,0,3\n", stream); /* Latin-1: a log could not carry it */
+    fclose(stream);
+    assert_null(scenario_parse(yaml, file, NULL, 0, &error));
+    assert_non_null(strstr(error.text, "network.csv: is not UTF-8 text"));
     unlink(network);
     rmdir(folder);
 }

@@ -232,6 +232,7 @@ class Assembly:
             storage_bytes=int(storage) if storage is not None else None,
             neighbours=list(info.get("neighbours") or []),
             groups=list(info.get("groups") or []),
+            every=max(int(info.get("every") or 1), 1),
             frames=[(one[0], one[1]) for one in info.get("frames") or [] if len(one) == 2],
             estimates=estimates,
             done=self._done(network, node),

@@ -22,6 +22,9 @@ from dse.errors import UserError
 Messages = NDArray[np.void]
 """Messages of one type: a structured array with the fields of the .lcm file."""
 
+Place = tuple[int, int, int]
+"""Of a message in the log: offset, length, and the event's time stamp."""
+
 SYNC = b"\xed\xa1\xda\x01"
 # sync word, event number, time stamp (us), length of the channel's name, length of the data
 FRAME = struct.Struct(">IQQII")
@@ -67,6 +70,8 @@ class EventLog:
     """Events per channel, foreign ones included."""
     messages: dict[str, Messages] = field(default_factory=dict)
     """By type name, in order of the log within a channel."""
+    times: dict[str, NDArray[np.uint64]] = field(default_factory=dict)
+    """When the logger received each of these messages, microseconds since 1970."""
     refused: dict[str, Counter[str]] = field(default_factory=dict)
     """Per channel: how many events were not used, by reason."""
     warnings: list[str] = field(default_factory=list)
@@ -116,23 +121,26 @@ def _read(path: Path, data: mmap.mmap) -> EventLog:
     if not log.events:
         raise UserError(f"{path}: no complete event in the log")
     pieces: dict[str, list[Messages]] = {}
+    stamps: dict[str, list[NDArray[np.uint64]]] = {}
     for channel, where in places.items():
         type_name, ids = _classify(channel)
         if type_name is None:
             log.refused[channel] = Counter({"foreign channel": len(where)})
             continue
-        messages, refused = _decode(type_name, ids, data, where)
+        messages, times, refused = _decode(type_name, ids, data, where)
         if refused:
             log.refused[channel] = refused
         if len(messages):
             pieces.setdefault(type_name, []).append(messages)
+            stamps.setdefault(type_name, []).append(times)
     log.messages = {name: np.concatenate(parts) for name, parts in pieces.items()}
+    log.times = {name: np.concatenate(parts) for name, parts in stamps.items()}
     return log
 
 
-def _frames(log: EventLog, data: mmap.mmap) -> dict[str, list[tuple[int, int]]]:
-    """Walk from frame to frame: (offset, length) of every message, by channel."""
-    places: dict[bytes, list[tuple[int, int]]] = {}
+def _frames(log: EventLog, data: mmap.mmap) -> dict[str, list[Place]]:
+    """Walk from frame to frame: the place of every message, by channel."""
+    places: dict[bytes, list[Place]] = {}
     position, size, sync = 0, len(data), int.from_bytes(SYNC)
     unpack, head = FRAME.unpack_from, FRAME.size
     while position < size:
@@ -145,7 +153,7 @@ def _frames(log: EventLog, data: mmap.mmap) -> dict[str, list[tuple[int, int]]]:
                 and length <= LONGEST_DATA
                 and start + length <= size
             ):
-                places.setdefault(data[position + head : start], []).append((start, length))
+                places.setdefault(data[position + head : start], []).append((start, length, stamp))
                 log.first_us = log.first_us if log.events else stamp
                 log.last_us = stamp
                 log.events += 1
@@ -178,25 +186,28 @@ def _classify(channel: str) -> tuple[str | None, dict[str, int]]:
 
 
 def _decode(
-    type_name: str, ids: dict[str, int], data: mmap.mmap, places: list[tuple[int, int]]
-) -> tuple[Messages, Counter[str]]:
-    """The messages of a channel that are what they should be, and what is wrong with the others."""
+    type_name: str, ids: dict[str, int], data: mmap.mmap, places: list[Place]
+) -> tuple[Messages, NDArray[np.uint64], Counter[str]]:
+    """The messages that are what they should be, their times, and what is wrong with the others."""
     refused: Counter[str] = Counter()
     expected, dtype = fingerprint(type_name), layout(type_name)
     good: list[bytes] = []
-    for start, length in places:
+    times: list[int] = []
+    for start, length, stamp in places:
         if data[start : start + min(8, length)] != expected:
             refused["other type or version"] += 1
         elif length != 8 + dtype.itemsize:
             refused["wrong length"] += 1
         else:
             good.append(data[start + 8 : start + length])
+            times.append(stamp)
     messages: Messages = np.frombuffer(b"".join(good), dtype=dtype)
     keep = np.ones(len(messages), dtype=bool)
     for reason, wrong in _faults(messages, ids):
         refused[reason] += int((wrong & keep).sum())
         keep &= ~wrong
-    return messages[keep], +refused  # the plus drops the zeros
+    # the plus drops the zeros
+    return messages[keep], np.array(times, dtype=np.uint64)[keep], +refused
 
 
 def _faults(messages: Messages, ids: dict[str, int]) -> list[tuple[str, NDArray[np.bool_]]]:

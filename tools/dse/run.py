@@ -112,6 +112,8 @@ class Node:
     storage_bytes: int | None
     neighbours: list[int]
     groups: list[int]
+    every: int
+    """Samples between its communication instants."""
     frames: list[tuple[int, int]]
     """Of an ordinary sample: from whom, and how many values; empty where the log does not tell."""
     estimates: Estimates

@@ -13,10 +13,18 @@ PLANT: Sender = (-1, 0)
 
 NUMBER = (int, float)
 _SIGNAL = {"name": str, "unit": str, "title": str, "scale": NUMBER}
+_LINK = {"D": int, "T_m": int, "loss": NUMBER, "seed": str, "file": str, "outages": [[int]]}
 _FORM: dict[str, Any] = {
     "plant": {
         "dse_version": str,
-        "scenario": {"name": str, "title": str, "source": str, "yaml": str, "overrides": [str]},
+        "scenario": {
+            "name": str,
+            "title": str,
+            "source": str,
+            "yaml": str,
+            "overrides": [str],
+            "parts": [{"name": str, "text": str}],
+        },
         "time": {"unit": str, "period": NUMBER, "samples": int},
         "plant": {
             "name": str,
@@ -26,7 +34,7 @@ _FORM: dict[str, Any] = {
             "outputs": [_SIGNAL],
             "groups": [{"name": str, "outputs": [int]}],
         },
-        "networks": [{"name": str, "title": str, "method": str, "nodes": int}],
+        "networks": [{"name": str, "title": str, "method": str, "nodes": int, "link": _LINK}],
         "type_hashes": {},
     },
     "node": {
@@ -36,6 +44,7 @@ _FORM: dict[str, Any] = {
         "states": [int],
         "groups": [int],
         "neighbours": [int],
+        "every": int,
         "frames": [[int]],
         "diagnostics": [{"name": str, "unit": str}],
         "storage_bytes": int,
