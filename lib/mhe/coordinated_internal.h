@@ -55,6 +55,9 @@ void mhe_outputs_add(struct dse_mhe_outputs *outputs, const dse_real *has, int s
 /* c (nx) = C'R^-1 y of the channels that there are. */
 void mhe_outputs_project(struct dse_mhe_outputs *outputs, const dse_real *has, const dse_real *y,
                          dse_real *c);
+/* z (nx) = C'R^-1C x of the channels that there are. */
+void mhe_outputs_apply(struct dse_mhe_outputs *outputs, const dse_real *has, const dse_real *x,
+                       dse_real *z);
 
 #define MHE_PENALTY_STORAGE(nx) (5 * (nx) * (nx))
 enum mhe_penalty_kind {
@@ -88,13 +91,14 @@ void mhe_differences_transposed(const struct dse_mhe_subsystem *subsystem, int l
 
 enum dse_status mhe_bounded_init(struct dse_mhe_local *local, struct dse_arena *arena);
 /* After a change of the window's matrices. */
-enum dse_status mhe_bounded_factor(struct dse_mhe_local *local);
+void mhe_bounded_factor(struct dse_mhe_local *local);
 /* X, W, lambda of the own problem with linear term local->rhs and interaction h; of the problem
  * with price (X, W, h) for local->g and p. */
 enum dse_status mhe_bounded_solve_own(struct dse_mhe_local *local, const dse_real *h);
 enum dse_status mhe_bounded_solve_price(struct dse_mhe_local *local, const dse_real *p);
 
 /* ---- the log barrier (coordinated_barrier.c) ---- */
+/* Solves the own problem with linear term local->rhs = c - g and interaction h. */
 enum dse_status mhe_barrier_solve(struct dse_mhe_local *local, const dse_real *h);
 
 /* ---- the local problems (coordinated_solve.c) ---- */

@@ -48,8 +48,9 @@ enum dse_status mhe_settings_check(const struct dse_mhe_settings *settings)
     if (settings->scheme != DSE_MHE_ALONE && settings->scheme != DSE_MHE_PRICE &&
         settings->scheme != DSE_MHE_PREDICTION)
         return DSE_EINVAL;
-    if (settings->horizon < 1 || settings->min_horizon < 1 ||
-        settings->min_horizon > settings->horizon || settings->max_age < 0)
+    if (settings->horizon < 1 || settings->horizon > DSE_MHE_MAX_HORIZON ||
+        settings->min_horizon < 1 || settings->min_horizon > settings->horizon ||
+        settings->max_age < 0)
         return DSE_EINVAL;
     if (!(settings->barrier >= 0) || !dse_is_finite(settings->barrier))
         return DSE_EINVAL;
@@ -124,6 +125,16 @@ void mhe_outputs_project(struct dse_mhe_outputs *outputs, const dse_real *has, c
         outputs->white[j] = has[j] != 0 ? y[j] : 0;
     dse_lower_solve(ny, L, 1, outputs->white);
     dse_mat_tvec(ny, outputs->subsystem->nx, rows, outputs->white, c);
+}
+
+void mhe_outputs_apply(struct dse_mhe_outputs *outputs, const dse_real *has, const dse_real *x,
+                       dse_real *z)
+{
+    const int nx = outputs->subsystem->nx, ny = outputs->subsystem->ny;
+    const dse_real *L;
+    const dse_real *rows = whiten(outputs, has, &L);
+    dse_mat_vec(ny, nx, rows, x, outputs->white);
+    dse_mat_tvec(ny, nx, rows, outputs->white, z);
 }
 
 /* ---- penalties ---- */

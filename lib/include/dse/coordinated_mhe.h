@@ -54,9 +54,10 @@ enum dse_mhe_status {
     DSE_MHE_PREMATURE = 2,  /* stopped before: a valid estimate of lower accuracy */
     DSE_MHE_HELD = 3,       /* nothing came down in this sample: made with what came last */
     DSE_MHE_LOCAL_ONLY = 4, /* nothing to hold, or too old: the decentralised estimate */
-    DSE_MHE_INFEASIBLE = 5, /* no window within the bounds fits the interactions: prediction */
-    DSE_MHE_SINGULAR = 6    /* the data at hand, or a scheme without D, do not determine the window:
-                             * the decentralised estimate where that exists, else prediction */
+    /* No solution of the local problem: of the last two the estimate is the decentralised one where
+     * that exists, else a prediction. */
+    DSE_MHE_INFEASIBLE = 5, /* no window within the bounds fits the interactions */
+    DSE_MHE_SINGULAR = 6 /* the data at hand, or a scheme without D, do not determine the window */
 };
 /* "converged" and so on, never NULL. */
 const char *dse_mhe_status_text(enum dse_mhe_status status);
@@ -90,7 +91,7 @@ struct dse_mhe_subsystem {
 /* What the agents and the coordinator of a network agree on. It must outlive them. */
 struct dse_mhe_settings {
     enum dse_mhe_scheme scheme;
-    int horizon;     /* Hp >= 1: samples of a full window */
+    int horizon;     /* Hp, 1 .. DSE_MHE_MAX_HORIZON: samples of a full window */
     int min_horizon; /* Hmin, 1 .. horizon: shorter windows are not solved; no default */
     /* PREDICTION: t > 0 of the log barrier (4.63) in place of hard bounds, 1e6 in the source;
      * 0: hard bounds. The agents alone that it is to be compared with use it as well. */
@@ -111,6 +112,7 @@ struct dse_mhe_local_config {
     /* Second solvers for bounded windows, see dse/window_qp.h; NULL: none. */
     const struct dse_window_qp_backend *backend;       /* z = x, rows w */
     const struct dse_window_qp_backend *price_backend; /* z = (x, w) */
+    int max_active; /* bounds that may be active at once; 0 (default): all */
 };
 
 /* Arrays for messages: reals at most. */
@@ -123,6 +125,8 @@ struct dse_mhe_local_config {
      (2 * (N)-1) * (nx))
 
 /* ---- what the objects consist of ---- */
+
+#define DSE_MHE_MAX_HORIZON 64
 
 /* A block-tridiagonal matrix and its Cholesky factor; lib/mhe/chain_internal.h. */
 struct dse_mhe_chain {
@@ -158,11 +162,13 @@ struct dse_mhe_bounded {
     struct dse_window_qp qp;
     struct dse_window_qp_config config;
     struct dse_window_qp_problem problem;
-    dse_real *diagonal, *below; /* N nz x nz blocks, and the one below each of them */
-    dse_real *c, *lower, *upper, *row_lower, *row_upper;
+    dse_real *D, *U;                 /* N nz x nz blocks, for the problem with a price */
+    dse_real *below;                 /* nz x nz: the block below each of the diagonal ones */
     dse_real *E;                     /* nx x nx: -A */
-    const dse_real **diagonal_block; /* N pointers into the above */
-    const dse_real **below_block;
+    dse_real *c, *lower, *upper;     /* N nz */
+    dse_real *row_lower, *row_upper; /* (N-1) nr */
+    const dse_real *diagonal_block[DSE_MHE_MAX_HORIZON];
+    const dse_real *below_block[DSE_MHE_MAX_HORIZON];
 };
 
 /* A window of states with the disturbances, interactions and multipliers that belong to it. */
@@ -184,30 +190,31 @@ struct dse_mhe_local {
     int length; /* H */
 
     struct dse_mhe_outputs outputs;
-    dse_real *y, *has; /* N x ny, oldest first: outputs, 1 where there is one */
-    dse_real *c;       /* N x nx: C'R^-1 y (+ P^-1 xbar in the oldest) */
-    dse_real *past;    /* N x nx: estimates of the samples when they were the newest */
-    dse_real *xbar;    /* nx */
-    bool data_changed; /* the matrices of the window are not those of the last factors */
+    dse_real *y, *has;   /* N x ny, oldest first: outputs, 1 where there is one */
+    dse_real *c;         /* N x nx: C'R^-1 y */
+    dse_real *past;      /* N x nx: estimates of the samples when they were the newest */
+    dse_real *xbar;      /* nx */
+    dse_real *factored;  /* N x ny: `has` of the windows that the factors belong to, */
+    int factored_length; /* and their length; 0: none */
 
-    struct dse_mhe_penalty own, price;
-    struct dse_mhe_chain own_chain, price_chain; /* Omega_ii, M_x,i */
-    enum dse_status own_status, price_status;    /* of their factors */
+    struct dse_mhe_penalty disturbance, price, interaction; /* of Q, Q + D, D */
+    struct dse_mhe_chain own_chain, price_chain;            /* Omega_ii, M_x,i */
     struct dse_mhe_chain barrier_chain;
+    enum dse_status own_status, price_status; /* of their factors */
     struct dse_mhe_bounded own_qp, price_qp;
 
-    dse_real *g; /* (N-1) nx: Th_i'p */
-    dse_real *d; /* (N-1) nx: h_i or p_i */
-    int received_length;
+    dse_real *g;         /* (N-1) nx: Th_i'p */
+    dse_real *d;         /* (N-1) nx: h_i or p_i */
+    int received_length; /* 0: nothing to hold */
     long received_sample;
-    bool has_received; /* ever */
-    bool fresh;        /* for this round */
-    bool heard;        /* in this sample */
+    bool fresh;   /* there is a message for this round */
+    bool heard;   /* there was one in this sample */
+    bool stopped; /* the coordinator has said stop */
+    int flags;    /* of the last message in this sample */
     int round;
-    int flags; /* of the last message down in this sample */
 
-    struct dse_mhe_solution current, kept;
-    bool kept_exists;
+    struct dse_mhe_solution current, kept; /* of the last round, and of the best one */
+    bool has_kept;
     bool used_held;              /* the last problem was solved with held data, */
     bool used_nothing;           /* or with none */
     enum dse_status last_status; /* of the last problem */
@@ -218,17 +225,38 @@ struct dse_mhe_local {
     int sent_length;
     bool sends;
 
-    dse_real *rhs;    /* N nx */
-    dse_real *work;   /* N nx */
-    dse_real *newton; /* 6 N nx: of the barrier's Newton steps */
-    dse_real *x;      /* N nx: window of the finished sample */
+    dse_real *rhs, *work; /* N nx */
+    dse_real *newton;     /* of the barrier's Newton steps */
+
+    dse_real *x; /* N nx: window of the finished sample */
     int finished_length;
     long finished_sample;
     enum dse_mhe_status status;
-    bool is_own; /* the finished estimate is that of the unbounded problem without neighbours */
+    enum dse_health health;
+    bool has_covariance;
 };
 
-/* Reals that dse_mhe_local_init takes of the arena for this configuration; 0: it is not valid. */
+/* Reals that dse_mhe_local_init takes of the arena: alone or prediction-driven without bounds, with
+ * hard bounds (`active`: max_active, or 2 N nx for all), with a barrier; price-driven. */
+#define DSE_MHE_LOCAL_STORAGE(nx, ny, N)                                                           \
+    (2 * (ny) * (ny) + 2 * (ny) * (nx) + (ny) + 5 * (nx) * (nx) + DSE_MHE_CHAIN_STORAGE(nx, N) +   \
+     3 * (N) * (ny) + (14 * (N)-5) * (nx))
+#define DSE_MHE_LESS(a, b) ((a) < (b) ? (a) : (b))
+#define DSE_MHE_QP_STORAGE(nz, nr, N, active)                                                      \
+    ((nz) * (nz) + 3 * (N) * (nz) + 2 * ((N)-1) * (nr) +                                           \
+     DSE_WINDOW_QP_STORAGE(nz, nr, N, DSE_MHE_LESS(active, (N) * (nz))))
+#define DSE_MHE_LOCAL_BOUNDED_STORAGE(nx, ny, N, active)                                           \
+    (DSE_MHE_LOCAL_STORAGE(nx, ny, N) + (nx) * (nx) + DSE_MHE_QP_STORAGE(nx, nx, N, active))
+#define DSE_MHE_BARRIER_SIZE(nx, N) (12 * (N) * (nx))
+#define DSE_MHE_LOCAL_BARRIER_STORAGE(nx, ny, N)                                                   \
+    (DSE_MHE_LOCAL_STORAGE(nx, ny, N) + DSE_MHE_CHAIN_STORAGE(nx, N) + DSE_MHE_BARRIER_SIZE(nx, N))
+#define DSE_MHE_LOCAL_PRICE_STORAGE(nx, ny, N)                                                     \
+    (DSE_MHE_LOCAL_STORAGE(nx, ny, N) + 10 * (nx) * (nx) + DSE_MHE_CHAIN_STORAGE(nx, N))
+#define DSE_MHE_LOCAL_PRICE_BOUNDED_STORAGE(nx, ny, N, active)                                     \
+    (DSE_MHE_LOCAL_PRICE_STORAGE(nx, ny, N) + (nx) * (nx) +                                        \
+     DSE_MHE_QP_STORAGE(nx, nx, N, active) + (2 * (N)-1) * 4 * (nx) * (nx) +                       \
+     DSE_MHE_QP_STORAGE(2 * (nx), 0, N, active))
+/* The one of these that holds for this configuration; 0: it is not valid. */
 int dse_mhe_local_storage(const struct dse_mhe_local_config *config);
 
 /* DSE_EINVAL: a value outside its range; DSE_ENOTPD: a weight; DSE_ENONFINITE; DSE_ESTORAGE. */
@@ -350,24 +378,24 @@ struct dse_mhe_coordinator_config {
 /* How the dual function of the price-driven scheme bends, and what its matrices are made of. */
 struct dse_mhe_dual {
     bool known;       /* for the window, the data and the agents at hand */
-    dse_real *has;    /* N x ny per subsystem, packed by length: outputs that the agents have */
-    dse_real *used;   /* the same and who was alive, when the matrix was made */
+    dse_real *has;    /* N x ny of the plant, packed by length: outputs that the agents have; */
+    dse_real *used;   /* the same and who took part (parts), when the matrix was made, */
+    int used_length;  /* and the length */
     dse_real *matrix; /* -Hd0 without bounds: ((N-1) n)^2; its factor when nobody has bounds */
-    dse_real *active; /* -Hd of the active bounds; only with bounds, */
+    dse_real *active; /* with bounds: -Hd of the active bounds, */
     dse_real *factor; /* and the factor of the sum that is stepped with */
     dse_real *bits;   /* active bounds, a bit map per subsystem */
-    dse_real *column; /* 2 N nx_max */
-    dse_real *scratch;
+    dse_real *column, *response; /* 2 N nx_max */
+    dse_real *scratch;           /* 2 nx_max^2 */
     struct dse_mhe_chain chain;
     struct dse_mhe_outputs outputs;
     struct dse_mhe_penalty penalty, disturbance;
 };
 
-/* Prices: the point in use, the best one so far, and how it was found. */
+/* Prices: the point in use, the best one so far, and how the next one is found. */
 struct dse_mhe_prices {
     dse_real *E; /* (N-1) n: of the point in use */
-    dse_real *best_p, *best_E;
-    dse_real *step;
+    dse_real *best, *best_E, *step;
     dse_real *reference; /* (N-1) n: h of the last re-centring */
     dse_real best_J, best_norm, tau;
     dse_real expected; /* E'd - 1/2 d'(-Hd)d */
@@ -379,9 +407,10 @@ struct dse_mhe_prices {
 /* Anderson acceleration: past answers and how far each was from what had been asked. */
 struct dse_mhe_anderson {
     int memory, count;
-    dse_real *f, *r; /* (memory + 1) x 2 N n, the newest first */
-    dse_real *QR;    /* 2 N n x memory, weighted differences of r */
-    dse_real *b, *tau, *gamma;
+    dse_real *f, *r; /* (memory + 1) x (2 N - 1) n, the newest first */
+    dse_real *QR;    /* (2 N - 1) n x memory: weighted differences of r */
+    dse_real *b;     /* (2 N - 1) n */
+    dse_real *tau, *gamma;
 };
 
 struct dse_mhe_coordinator {
@@ -389,8 +418,9 @@ struct dse_mhe_coordinator {
     const struct dse_mhe_settings *settings;
     int n, parts, N, ny, nx_max, ny_max;
     bool bounded;
-    int *first;           /* parts + 1: first state of each subsystem */
-    int *first_output;    /* parts + 1 */
+    int max_iter, dead_after;
+    int *first;           /* parts + 1: first state of each subsystem, */
+    int *first_output;    /* parts + 1: and first output */
     int *neighbour_first; /* parts + 1: into */
     int *neighbour;       /* those that a subsystem is coupled with, in either direction */
     int *silent;          /* rounds without an answer */
@@ -399,28 +429,49 @@ struct dse_mhe_coordinator {
 
     bool begun;
     long newest;
-    int length, last_length;
+    int length, last_length; /* of the sample, of the one before (0: not optimised) */
     int round;
     int uplinks;
     enum dse_mhe_outcome outcome;
     dse_real error;
     bool accepted; /* the answers of the last round are the best so far */
 
-    dse_real *asked;  /* N n: X whose interactions the agents were given (PREDICTION) */
-    dse_real *p;      /* (N-1) n: the prices that they were given */
-    dse_real *X;      /* N n: as last received */
-    dse_real *other;  /* (N-1) n: h_i (PRICE), lambda_i (PREDICTION), as last received */
-    dse_real *J;      /* parts */
-    dse_real *work;   /* N n */
-    dse_real relaxed; /* part of the way to the last answer after infeasible ones */
-    dse_real *plain;  /* 2 N n: the last answer in full, to go back to */
-    bool has_plain;
+    dse_real *asked; /* N n: X whose interactions the agents were given (PREDICTION), */
+    dse_real *p;     /* (N-1) n: and the prices */
+    dse_real *X;     /* N n: as last received */
+    dse_real *other; /* (N-1) n: h_i (PRICE), lambda_i (PREDICTION), as last received */
+    dse_real *J;     /* parts */
+    dse_real *work;  /* N n + nx_max^2 */
+    /* To go back to when an extrapolated interaction has made a problem infeasible: the last
+     * question and its answers, (2 N - 1) n each. */
+    dse_real *question, *answer;
+    bool has_answer;
+    dse_real relaxed;
     struct dse_mhe_dual dual;
     struct dse_mhe_prices prices;
     struct dse_mhe_anderson anderson;
 };
 
-/* Reals that dse_mhe_coordinator_init takes of the arena; 0: the configuration is not valid. */
+/* Reals that dse_mhe_coordinator_init takes, for a plant of n states in `parts` subsystems with nx
+ * states and ny outputs at most: prediction-driven with this Anderson memory (0: none); with
+ * bounds; price-driven without and with bounds. ny_all: outputs of the plant. */
+#define DSE_MHE_COORDINATOR_BASE(n, parts, nx, N)                                                  \
+    (DSE_ARENA_INTS((parts) * (parts)) + 3 * DSE_ARENA_INTS((parts) + 1) +                         \
+     3 * DSE_ARENA_INTS(parts) + (parts) + (5 * (N)-2) * (n) + 2 * (nx) * (nx))
+#define DSE_MHE_COORDINATOR_PREDICTION_STORAGE(n, parts, nx, N, memory)                            \
+    (DSE_MHE_COORDINATOR_BASE(n, parts, nx, N) +                                                   \
+     ((memory) > 0 ? (3 * (memory) + 3) * (2 * (N)-1) * (n) + 2 * (memory) : 0))
+#define DSE_MHE_COORDINATOR_PREDICTION_BOUNDED_STORAGE(n, parts, nx, N, memory)                    \
+    (DSE_MHE_COORDINATOR_PREDICTION_STORAGE(n, parts, nx, N, memory) + 2 * (2 * (N)-1) * (n))
+#define DSE_MHE_COORDINATOR_PRICE_STORAGE(n, parts, nx, ny, ny_all, N)                             \
+    (DSE_MHE_COORDINATOR_BASE(n, parts, nx, N) + 2 * (N) * (ny_all) + (parts) +                    \
+     5 * ((N)-1) * (n) + ((N)-1) * (n) * ((N)-1) * (n) + 2 * (N) * (nx) + 2 * (nx) * (nx) +        \
+     DSE_MHE_CHAIN_STORAGE(nx, N) + 2 * (ny) * (ny) + 2 * (ny) * (nx) + (ny) + 10 * (nx) * (nx))
+#define DSE_MHE_COORDINATOR_PRICE_BOUNDED_STORAGE(n, parts, nx, ny, ny_all, N)                     \
+    (DSE_MHE_COORDINATOR_PRICE_STORAGE(n, parts, nx, ny, ny_all, N) +                              \
+     2 * ((N)-1) * (n) * ((N)-1) * (n) + (parts)*DSE_MHE_BIT_WORDS((2 * (N)-1) * (nx)) +           \
+     2 * (N) * (nx) + DSE_MHE_CHAIN_STORAGE(2 * (nx), N) - DSE_MHE_CHAIN_STORAGE(nx, N))
+/* The one of these that holds for this configuration; 0: it is not valid. */
 int dse_mhe_coordinator_storage(const struct dse_mhe_coordinator_config *config);
 
 /* DSE_EINVAL: also the consistent variant without its certificate; DSE_ENOTPD; DSE_ENONFINITE;
@@ -476,7 +527,8 @@ void dse_mhe_open_loop(int n, const dse_real *A, const dse_real *x0, int steps, 
 /* cost (n x n) = A_off' D^-1 A_off, A_off the part of A that couples subsystems: as stage_cost of
  * an agent alone with the whole plant it makes the estimate to which the price-driven scheme
  * converges
- * ("centralised with D", (Psi + Th'D^-1Th) X = c). scratch: n n + nx_max nx_max. DSE_ENOTPD. */
+ * ("centralised with D", (Psi + Th'D^-1Th) X = c). scratch: n n + nx_max nx_max.
+ * DSE_ENOTPD; DSE_EINVAL: a subsystem without D. */
 enum dse_status dse_mhe_interaction_cost(int n, const dse_real *A, int parts,
                                          const struct dse_mhe_subsystem *subsystems, dse_real *cost,
                                          dse_real *scratch);
