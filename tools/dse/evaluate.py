@@ -36,6 +36,7 @@ DEFINITIONS = {
     "root mean square over the run, over its late part, maximum, and last value",
     "relative_norm": "(sum (error/M)^2)^(1/2) with M the largest error of that state in any "
     "network: mean and maximum over the run; it compares the networks of one log only",
+    "error_sum": "sum over the samples of the error's Euclidean norm, states in their own units",
     "messages, bytes": "exchange payloads as the node counted them (done_t), 8 bytes a value",
     "exchange": "the same counted from the log, with repeats, withheld and encoded bytes",
     "step_s": "time in the method's own code per sample, in seconds",
@@ -126,6 +127,8 @@ class NetworkMetrics:
     method: str
     states: dict[str, StateMetrics]
     error_norm: NormMetrics
+    error_sum: float
+    """Sum over the samples of the error's Euclidean norm, states in their own units."""
     relative_norm: dict[str, float]
     messages: int
     bytes: int
@@ -345,6 +348,7 @@ def _network(
             for i in states
         },
         error_norm=_norm(time, error_norm(error, _scales([run.states[i] for i in states])), part),
+        error_sum=float(np.sqrt(np.sum(error**2, axis=1)).sum()),
         relative_norm={
             "mean": float(relative.mean()) if len(relative) else NAN,
             "max": float(relative.max()) if len(relative) else NAN,

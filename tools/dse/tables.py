@@ -111,12 +111,12 @@ def norms(metrics: Metrics) -> Table:
     made = table(
         "Error norms (scaled by run_info; relative to the largest error of any network)",
         *("network", "method", "scaled rms", "late", "max", "final"),
-        *("relative mean", "max"),
+        *("relative mean", "max", "error sum"),
         left=2,
     )
     for name, m in metrics.networks.items():
         norm = m.error_norm
-        values = (norm.rms, norm.late, norm.max, norm.final, *m.relative_norm.values())
+        values = (norm.rms, norm.late, norm.max, norm.final, *m.relative_norm.values(), m.error_sum)
         made.add_row(name, m.method, *map(number, values))
     return made
 

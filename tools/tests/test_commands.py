@@ -69,6 +69,8 @@ def test_json_metrics_are_those_of_the_known_errors(plain: Path, dse: Command) -
     scaled = error / [10, 1, 10, 1]
     norm = np.sqrt(np.mean(scaled**2))
     assert metrics["networks"]["ahg"]["error_norm"]["rms"] == pytest.approx(norm, rel=1e-12)
+    total = np.linalg.norm(error, axis=1).sum()
+    assert metrics["networks"]["ahg"]["error_sum"] == pytest.approx(total, rel=1e-12)
 
 
 @pytest.mark.parametrize("worse", [0, 1])

@@ -25,8 +25,8 @@ JSON: one object with the members
   run                     run_id, scenario, title, source, overrides, seed, version, pace, plant,
                           time_unit, period, samples, samples_in_log, ended
   late_fraction           see late_rmse
-  networks.NAME           index, method, states, error_norm, relative_norm, messages, bytes,
-                          agreement, communication, nodes
+  networks.NAME           index, method, states, error_norm, error_sum, relative_norm,
+                          messages, bytes, agreement, communication, nodes
     states.NAME           unit, rmse, late_rmse, max_error, settling_time, initial_error,
                           final_error, nees, band; of several nodes' errors the root mean square
     error_norm            rms, late, max, final
