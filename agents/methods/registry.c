@@ -4,12 +4,14 @@
 
 #include "methods/method.h"
 
+extern const struct method coordinated_mhe_method;
 extern const struct method distributed_kalman_method;
 extern const struct method distributed_observer_method;
 extern const struct method high_gain_ekf_method;
 
 static const struct method *const methods[] = {
     &high_gain_ekf_method,
+    &coordinated_mhe_method,
     &distributed_kalman_method,
     &distributed_observer_method,
 };
