@@ -93,7 +93,7 @@ static void adapt(const struct dse_distributed_observer *observer, int j, const 
     if (c->residual == DSE_OBSERVER_OWN)
         add_outer(q, k, -c->gamma, observer->residual, d, dGamma);
     else
-        add_outer(k, k, c->gamma, d, d, dGamma);
+        dse_sym_rank1(k, c->gamma, d, dGamma);
 }
 
 /* What the neighbours do to z' and Gamma'. */
