@@ -16,12 +16,32 @@
 #define STATUS_PERIOD_RUNNING 1.0
 #define DEADLINE_SHARE        0.8 /* of the sampling period, realtime: later messages are predicted */
 #define DEFAULT_REPEAT        0.05
+#define LONGEST_REPEAT        1.0
 #define DEFAULT_GIVE_UP       20.0
 
-double node_repeat_s(const struct node *node)
+static double shortest_repeat_s(const struct node *node)
 {
     double given = node->config.scenario->timeouts.repeat_s;
     return given > 0 ? given : DEFAULT_REPEAT;
+}
+
+double node_repeat_s(const struct node *node)
+{
+    return fmax(shortest_repeat_s(node), node->repeat_s);
+}
+
+/* What was waited for is here. If it was asked for, it comes at once where it had been lost; what
+ * comes long after it was asked for would have come anyway: the others are slow or the network is
+ * busy, and asking makes it worse. Many nodes on few processors would ask more than they say. */
+static void learn_patience(struct node *node)
+{
+    double now = host_now(), repeat = node_repeat_s(node);
+    if (node->asked_at <= 0)
+        node->repeat_s = 0.99 * repeat;
+    else
+        node->repeat_s =
+            now > node->asked_at + 0.5 * repeat ? fmin(2 * repeat, LONGEST_REPEAT) : 0.5 * repeat;
+    node->asked_at = 0;
 }
 
 static double give_up_s(const struct node *node)
@@ -108,6 +128,7 @@ static void begin_sample(struct node *node)
                                    .u = node->u_held,
                                    .y = node->y_stacked,
                                    .valid = node->y_valid};
+    learn_patience(node);
     node->sample_started = host_now();
     node->sent = 0;
     node->sent_bytes = 0;
@@ -180,8 +201,11 @@ void node_advance(struct node *node)
                 return;
             begin_sample(node);
         } else {
-            if (!node_round_complete(node) && host_now() <= deadline(node))
+            bool complete = node_round_complete(node);
+            if (!complete && host_now() <= deadline(node))
                 return;
+            if (complete)
+                learn_patience(node);
             node_close_round(node);
             node->round++;
         }
@@ -231,6 +255,7 @@ static void repeat_request(struct node *node)
         /* Our last `done`, said again, asks the clock for the sample that we miss. */
         node_repeat_done(node);
         node->asked++;
+        node->asked_at = host_now();
     }
 }
 

@@ -106,6 +106,8 @@ struct node {
     int next_spoken;
     double round_started;
     double next_ask, ask_interval;
+    double repeat_s; /* learned: what is missing is asked for after this */
+    double asked_at; /* when it was asked for last in this wait, 0: not yet */
     double sample_started;
     double *outgoing;
 

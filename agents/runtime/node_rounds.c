@@ -304,6 +304,7 @@ void node_ask(struct node *node)
                                    .value = missing};
     sender_exchange(&node->sender, node->k, node->t, -1, &what);
     node->asked++;
+    node->asked_at = now;
     node->ask_interval = fmin(2 * node->ask_interval, LONGEST_ASK_INTERVAL);
     node->next_ask = now + node->ask_interval;
 }
