@@ -29,7 +29,7 @@ static enum dse_status check_config(const struct dse_linear_mhe_config *config)
         (nu > 0 && linear->D && !dse_all_finite(linear->D, ny * nu)) ||
         (config->x0 && !dse_all_finite(config->x0, nx)))
         return DSE_ENONFINITE;
-    return DSE_OK;
+    return linear_mhe_check_bounds(config);
 }
 
 static void take_memory(struct dse_linear_mhe *mhe, struct dse_arena *arena)
@@ -128,7 +128,11 @@ enum dse_status dse_linear_mhe_init(struct dse_linear_mhe *mhe,
     if (status != DSE_OK)
         return status;
     const int nx = config->nx, N = config->horizon;
-    if (arena->capacity - arena->used < DSE_LINEAR_MHE_STORAGE(nx, config->ny, N))
+    const int storage =
+        linear_mhe_wants_bounds(config)
+            ? DSE_LINEAR_MHE_BOUNDED_STORAGE(nx, config->ny, N, linear_mhe_max_active(config))
+            : DSE_LINEAR_MHE_STORAGE(nx, config->ny, N);
+    if (arena->capacity - arena->used < storage)
         return DSE_ESTORAGE;
     *mhe = (struct dse_linear_mhe){
         .config = config, .nx = nx, .nu = config->nu, .ny = config->ny, .N = N, .length = 1};
@@ -141,6 +145,8 @@ enum dse_status dse_linear_mhe_init(struct dse_linear_mhe *mhe,
     if (status == DSE_OK)
         status = linear_mhe_factor_complete(mhe);
     linear_mhe_find_spread(mhe);
+    if (linear_mhe_wants_bounds(config))
+        linear_mhe_prepare_bounds(mhe, arena);
     mhe->health = DSE_HEALTH_INITIALISING;
     return status;
 }
@@ -168,6 +174,16 @@ int dse_linear_mhe_length(const struct dse_linear_mhe *mhe)
 dse_real dse_linear_mhe_certificate(const struct dse_linear_mhe *mhe)
 {
     return mhe->certificate;
+}
+
+struct dse_linear_mhe_parts dse_linear_mhe_parts(const struct dse_linear_mhe *mhe)
+{
+    return mhe->parts;
+}
+
+enum dse_active_set_path dse_linear_mhe_path(const struct dse_linear_mhe *mhe)
+{
+    return mhe->path;
 }
 
 enum dse_health dse_linear_mhe_health(const struct dse_linear_mhe *mhe)

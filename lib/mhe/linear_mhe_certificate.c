@@ -62,13 +62,29 @@ static void find_output_errors(struct dse_linear_mhe *mhe, const dse_real *x, co
     }
 }
 
-/* Backwards  lambda_j = E_j' (white_j - E_j x_j) + A' lambda_{j+1}. */
-static void find_multipliers(struct dse_linear_mhe *mhe, const dse_real *x, const struct sizes *s)
+/* Multipliers of the bounds of x_j, and of those of the disturbance that leads to x_j, j > 0. */
+static const dse_real *mu(const struct dse_linear_mhe *mhe, const dse_real *y, int j)
+{
+    return y + 2 * j * mhe->nx;
+}
+
+static const dse_real *nu(const struct dse_linear_mhe *mhe, const dse_real *y, int j)
+{
+    return y + (2 * j - 1) * mhe->nx;
+}
+
+/* Backwards  lambda_j = E_j' (white_j - E_j x_j) - mu_j + A' lambda_{j+1}. */
+static void find_multipliers(struct dse_linear_mhe *mhe, const dse_real *x, const dse_real *y,
+                             const struct sizes *s)
 {
     const int nx = mhe->nx;
     find_output_errors(mhe, x, s);
-    for (int j = mhe->length - 2; j >= 0; j--) {
+    for (int j = mhe->length - 1; j >= 0; j--) {
         dse_real *lambda = mhe->lambda + j * nx;
+        if (y)
+            dse_axpy(nx, -1, mu(mhe, y, j), lambda);
+        if (j == mhe->length - 1)
+            continue;
         dse_mat_tvec(nx, nx, mhe->config->linear.A, lambda + nx, s->work);
         dse_axpy(nx, 1, s->work, lambda);
     }
@@ -91,9 +107,25 @@ static void subtract_noise(const struct dse_linear_mhe *mhe, const dse_real *v, 
     dse_axpy(nx, -1, work, r);
 }
 
-/* residual_j = x_j - A x_{j-1} - b_j - Q lambda_j,  residual_0 = x_0 - xbar - P lambda_0 or
- * lambda_0. */
-static void find_residuals(struct dse_linear_mhe *mhe, const dse_real *x, const struct sizes *s)
+/* r <- r - Q (lambda_j - nu_j). */
+static void subtract_disturbance(const struct dse_linear_mhe *mhe, int j, const dse_real *y,
+                                 const struct sizes *s, dse_real *r)
+{
+    const int nx = mhe->nx;
+    const dse_real *lambda = mhe->lambda + j * nx;
+    if (!y) {
+        subtract_noise(mhe, lambda, s->work, r);
+        return;
+    }
+    for (int i = 0; i < nx; i++)
+        mhe->product[i] = lambda[i] - nu(mhe, y, j)[i];
+    subtract_noise(mhe, mhe->product, s->work, r);
+}
+
+/* residual_j = x_j - A x_{j-1} - b_j - Q (lambda_j - nu_j),  residual_0 = x_0 - xbar - P lambda_0
+ * or lambda_0. */
+static void find_residuals(struct dse_linear_mhe *mhe, const dse_real *x, const dse_real *y,
+                           const struct sizes *s)
 {
     const int nx = mhe->nx, H = mhe->length;
     dse_mat_mul(H - 1, nx, nx, x, mhe->A_transposed, mhe->residual + nx);
@@ -102,7 +134,7 @@ static void find_residuals(struct dse_linear_mhe *mhe, const dse_real *x, const 
         dse_real *r = mhe->residual + j * nx;
         for (int i = 0; i < nx; i++)
             r[i] = x[j * nx + i] - r[i] - b[i];
-        subtract_noise(mhe, mhe->lambda + j * nx, s->work, r);
+        subtract_disturbance(mhe, j, y, s, r);
         if (mhe->nu > 0)
             enlarge(nx, b, s->b);
     }
@@ -127,12 +159,15 @@ static dse_real row_size(int n, const dse_real *m, const dse_real *v)
 }
 
 /* What lambda consists of, and what its recursion makes of it over the horizon:
- *     dual = (I + |A|' + .. + (|A|')^{N-1}) |E|' (|white| + |E| |x|). */
-static void find_dual_size(const struct dse_linear_mhe *mhe, const struct sizes *s)
+ *     dual = (I + |A|' + .. + (|A|')^{N-1}) (|E|' (|white| + |E| |x|) + |mu|) + |nu|. */
+static void find_dual_size(const struct dse_linear_mhe *mhe, const dse_real *y,
+                           const struct sizes *s)
 {
     const int nx = mhe->nx, ny = mhe->ny;
     for (int i = 0; i < nx; i++)
         s->work[i] = 0;
+    for (int j = 0; y && j < mhe->length; j++)
+        enlarge(nx, mu(mhe, y, j), s->work);
     for (int c = 0; c < ny; c++) {
         const dse_real *e = mhe->E + c * nx;
         const dse_real size = s->white[c] + row_size(nx, e, s->x);
@@ -140,6 +175,13 @@ static void find_dual_size(const struct dse_linear_mhe *mhe, const struct sizes 
             s->work[i] += dse_abs(e[i]) * size;
     }
     dse_mat_vec(nx, nx, mhe->spread, s->work, s->dual);
+    if (!y)
+        return;
+    for (int i = 0; i < nx; i++)
+        s->work[i] = 0;
+    for (int j = 1; j < mhe->length; j++)
+        enlarge(nx, nu(mhe, y, j), s->work);
+    dse_axpy(nx, 1, s->work, s->dual);
 }
 
 /* spread = I + |A|' + .. + (|A|')^{N-1}, by Horner's rule. */
@@ -206,13 +248,18 @@ static dse_real transition_ratio(const struct dse_linear_mhe *mhe, const struct 
     return worst;
 }
 
-dse_real dse_linear_mhe_certify(struct dse_linear_mhe *mhe, const dse_real *x)
+dse_real linear_mhe_certify(struct dse_linear_mhe *mhe, const dse_real *x, const dse_real *y)
 {
     const struct sizes s = sizes_in(mhe);
     for (int i = 0; i < 4 * mhe->nx + mhe->ny; i++)
         s.x[i] = 0;
-    find_multipliers(mhe, x, &s);
-    find_residuals(mhe, x, &s);
-    find_dual_size(mhe, &s);
+    find_multipliers(mhe, x, y, &s);
+    find_residuals(mhe, x, y, &s);
+    find_dual_size(mhe, y, &s);
     return dse_max(start_ratio(mhe, x, &s), transition_ratio(mhe, &s));
+}
+
+dse_real dse_linear_mhe_certify(struct dse_linear_mhe *mhe, const dse_real *x)
+{
+    return linear_mhe_certify(mhe, x, NULL);
 }

@@ -182,6 +182,7 @@ enum dse_status linear_mhe_factor_window(struct dse_linear_mhe *mhe)
     const bool complete = mhe->partial_from >= H;
     if (complete && mhe->start_length == H)
         return DSE_OK;
+    mhe->factors_new = true;
     mhe->start_length = 0;
     const dse_real *T = linear_mhe_stage(mhe, H - 1).T;
     status =

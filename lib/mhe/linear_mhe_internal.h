@@ -41,9 +41,28 @@ void linear_mhe_prior_rows(struct dse_linear_mhe *mhe);
 /* Takes the oldest sample of a full window over; b (nx): B u of the transition to the next one. */
 enum dse_status linear_mhe_arrive(struct dse_linear_mhe *mhe, const dse_real *b);
 
+/* ---- bounds (linear_mhe_bounds.c) ---- */
+
+/* The multipliers mu_j of the bounds of x_j and nu_j of those of the disturbance change the
+ * conditions into  lambda_j = c_j - C_j' R_j^-1 C_j x_j - mu_j + A' lambda_{j+1}  and
+ * w_j = Q (lambda_j - nu_j). */
+
+bool linear_mhe_wants_bounds(const struct dse_linear_mhe_config *config);
+int linear_mhe_max_active(const struct dse_linear_mhe_config *config);
+enum dse_status linear_mhe_check_bounds(const struct dse_linear_mhe_config *config);
+void linear_mhe_prepare_bounds(struct dse_linear_mhe *mhe, struct dse_arena *arena);
+/* x_next, the solution without bounds, becomes that with them, or what stands for it. */
+void linear_mhe_keep_bounds(struct dse_linear_mhe *mhe, dse_real tolerance, dse_real *certificate);
+
 /* ---- solution (linear_mhe_solve.c); dse_linear_mhe_certify leaves its multipliers in mhe->lambda
  * and its residuals in mhe->residual (linear_mhe_certificate.c) ---- */
 
+/* dx = (the map of the optimality system)^-1 of the negative residual, which is overwritten. */
+void linear_mhe_correction(struct dse_linear_mhe *mhe, dse_real *dx);
+/* X (H nx x count, row-major) <- K X, see dse/active_set.h. */
+enum dse_status linear_mhe_apply(void *context, int count, int newest, dse_real *X);
+/* As dse_linear_mhe_certify, with multipliers of bounds by constraint; y may be NULL. */
+dse_real linear_mhe_certify(struct dse_linear_mhe *mhe, const dse_real *x, const dse_real *y);
 /* mhe->spread, at init. */
 void linear_mhe_find_spread(struct dse_linear_mhe *mhe);
 

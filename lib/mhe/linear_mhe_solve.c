@@ -111,15 +111,21 @@ static void sweep(const struct dse_linear_mhe *mhe, const struct right_hand_side
     }
 }
 
+void linear_mhe_correction(struct dse_linear_mhe *mhe, dse_real *dx)
+{
+    const int count = mhe->length * mhe->nx;
+    for (int i = 0; i < count; i++)
+        mhe->residual[i] = -mhe->residual[i];
+    const struct right_hand_side rhs = {.start = mhe->residual, .b = mhe->residual};
+    sweep(mhe, &rhs, dx);
+}
+
 /* One correction of x_next by its residual; keeps the better of the two. */
 static void refine(struct dse_linear_mhe *mhe, dse_real *certificate)
 {
     const int count = mhe->length * mhe->nx;
     dse_real *correction = mhe->lambda; /* read only by the residual itself */
-    for (int i = 0; i < count; i++)
-        mhe->residual[i] = -mhe->residual[i];
-    const struct right_hand_side rhs = {.start = mhe->residual, .b = mhe->residual};
-    sweep(mhe, &rhs, correction);
+    linear_mhe_correction(mhe, correction);
     dse_axpy(count, 1, correction, mhe->x_next);
     for (int i = 0; i < count; i++) /* of the correction, before lambda is overwritten */
         mhe->g[i] = correction[i];
@@ -148,6 +154,52 @@ static void solve_window(struct dse_linear_mhe *mhe, dse_real *certificate)
         if (!(*certificate < before / 2))
             break;
     }
+}
+
+/* x_0 of each column of X, whose first rows are g_0. */
+static void start_columns(const struct dse_linear_mhe *mhe, int count, dse_real *X)
+{
+    const int n = mhe->nx;
+    const dse_real *T = linear_mhe_stage(mhe, mhe->length - 1).T;
+    dse_real *g = mhe->scratch, *x = g + n;
+    for (int c = 0; c < count; c++) {
+        for (int i = 0; i < n; i++) {
+            g[i] = X[i * count + c];
+            x[i] = mhe->config->arrival == DSE_ARRIVAL_NONE ? g[i] : 0;
+        }
+        if (mhe->config->arrival == DSE_ARRIVAL_NONE)
+            solve_start_alone(n, T, x);
+        else
+            for (int p = 0; p < mhe->start_rank; p++)
+                dse_axpy(n, dse_dot(n, mhe->start + p * n, g), mhe->start + p * n, x);
+        for (int i = 0; i < n; i++)
+            X[i * count + c] = x[i];
+    }
+}
+
+/* The sweep for several linear terms at once: backwards  g_j = c_j + F' g_{j+1},  forwards
+ * x_j = F x_{j-1} + S g_j. */
+enum dse_status linear_mhe_apply(void *context, int count, int newest, dse_real *X)
+{
+    struct dse_linear_mhe *mhe = context;
+    const int n = mhe->nx, H = mhe->length, block = n * count;
+    dse_real *work = mhe->product;
+    for (int j = newest - 1; j >= 0; j--) {
+        const struct dse_linear_mhe_stage stage = linear_mhe_stage(mhe, H - 1 - j);
+        dse_mat_mul_tn(n, n, count, stage.F, X + (j + 1) * block, work);
+        dse_axpy(block, 1, work, X + j * block);
+    }
+    start_columns(mhe, count, X);
+    for (int j = 1; j < H; j++) {
+        const struct dse_linear_mhe_stage stage = linear_mhe_stage(mhe, H - j);
+        dse_real *x = X + j * block;
+        dse_mat_mul(n, n, count, stage.F, x - block, work);
+        if (j <= newest)
+            dse_mat_mul(n, n, count, stage.S, x, mhe->product_S);
+        for (int i = 0; i < block; i++)
+            x[i] = work[i] + (j <= newest ? mhe->product_S[i] : 0);
+    }
+    return DSE_OK;
 }
 
 /* The states that follow from x0. */
@@ -185,7 +237,9 @@ static void commit(struct dse_linear_mhe *mhe, bool by_window, dse_real certific
     mhe->solved_by_window = by_window;
     mhe->factors_hold = by_window;
     mhe->certificate = certificate;
-    mhe->health = judge(mhe);
+    mhe->health = mhe->path == DSE_PATH_HELD   ? DSE_HEALTH_COASTING
+                  : mhe->path == DSE_PATH_FREE ? DSE_HEALTH_REJECTING
+                                               : judge(mhe);
     mhe->counts.solved++;
 }
 
@@ -197,11 +251,14 @@ enum dse_status dse_linear_mhe_solve(struct dse_linear_mhe *mhe)
         config->tolerance > 0 ? config->tolerance : dse_sqrt(DSE_REAL_EPSILON);
     dse_real certificate = 0;
     mhe->factors_hold = false;
+    mhe->parts = (struct dse_linear_mhe_parts){0, 0, 0};
+    mhe->path = DSE_PATH_SWAPS;
     if (by_window) {
         const enum dse_status status = linear_mhe_factor_window(mhe);
         if (status != DSE_OK)
             return fail(mhe, status);
         solve_window(mhe, &certificate);
+        mhe->parts.dual = certificate;
     } else {
         predict_window(mhe);
     }
@@ -209,6 +266,8 @@ enum dse_status dse_linear_mhe_solve(struct dse_linear_mhe *mhe)
         return fail(mhe, DSE_ENONFINITE);
     if (certificate > tolerance)
         return fail(mhe, DSE_ENOCONV);
+    if (mhe->bounded && by_window)
+        linear_mhe_keep_bounds(mhe, tolerance, &certificate);
     commit(mhe, by_window, certificate);
     return DSE_OK;
 }

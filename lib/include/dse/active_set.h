@@ -42,7 +42,8 @@ enum dse_active_set_path {
     DSE_PATH_SWAPS = 0,   /* passes that swap all violators */
     DSE_PATH_DUAL = 1,    /* the dual method after them */
     DSE_PATH_BACKEND = 2, /* the active set of another solver, refined */
-    DSE_PATH_HELD = 3     /* none: the last solution is held */
+    DSE_PATH_HELD = 3,    /* none: the last solution, which satisfies the bounds, moved on */
+    DSE_PATH_FREE = 4     /* none: the solution without bounds */
 };
 
 /* X (H nz x count, row-major) <- K X; the rows of stages newer than `newest` are zero on entry. */

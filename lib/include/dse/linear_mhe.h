@@ -1,4 +1,4 @@
-/* Moving horizon estimation for a linear time-invariant model, without bounds:
+/* Moving horizon estimation for a linear time-invariant model, with and without bounds:
  *
  *     x(k+1) = A x(k) + B u(k) + w,   w ~ N(0, Q)      y(k) = C x(k) + D u(k) + v,   v ~ N(0, R)
  *
@@ -27,12 +27,19 @@
  *         dse_linear_mhe_measure(&mhe, 3, u, &late);      (a sample of three samples ago)
  *         dse_linear_mhe_solve(&mhe);
  *
+ * Bounds on states and disturbances, x_min <= x_j <= x_max and w_min <= w_j <= w_max, are handled
+ * by their active set on the same factors (dse/active_set.h): where no bound is active, the result
+ * is that without bounds, bit for bit. When no window satisfies them, or the search fails, the
+ * estimate is, in this order, the last solution moved on by the model, if that satisfies the bounds
+ * (DSE_HEALTH_COASTING), or the solution without bounds (DSE_HEALTH_REJECTING: the bounds, here).
+ *
  * A step that fails leaves the estimate as it was. */
 #ifndef DSE_LINEAR_MHE_H
 #define DSE_LINEAR_MHE_H
 
 #include <stdbool.h>
 
+#include "dse/active_set.h"
 #include "dse/arena.h"
 #include "dse/factored.h"
 #include "dse/health.h"
@@ -68,6 +75,18 @@ struct dse_linear_mhe_config {
     /* A solution whose certificate is larger is refused. > 0; 0 (default): the square root of the
      * machine's precision. Correct solutions have certificates of about the precision itself. */
     dse_real tolerance;
+    /* nx each, a bound at or beyond +-DSE_REAL_MAX is none; NULL (default): none at all. Neither
+     * the arrival cost nor the prediction of a window that is too short knows of them. */
+    const dse_real *x_min, *x_max; /* of all states of the window */
+    const dse_real *w_min, *w_max; /* of all disturbances within it */
+    int max_active; /* bounds that can be active at once; 0 (default): N nx, which is all */
+};
+
+/* How far a solution is from optimal. */
+struct dse_linear_mhe_parts {
+    dse_real dual;   /* of the optimality equations, see dse_linear_mhe_certify */
+    dse_real primal; /* the largest violation of a bound, relative to the size of its terms */
+    dse_real gap;    /* of multipliers times distances from their bounds, relative to their size */
 };
 
 /* Totals since init. */
@@ -81,6 +100,9 @@ struct dse_linear_mhe_counts {
     long missing;     /* flagged invalid */
     long nonfinite;   /* flagged valid, but NaN or infinite: treated as missing */
     long outdated;    /* samples refused because they have left the window */
+    long bounded;     /* solutions with an active bound */
+    long infeasible;  /* windows that no states satisfy */
+    long fallbacks;   /* windows whose bounds could not be kept, those among them */
 };
 
 /* Cost to go of the newest samples of a window, 1/2 |T x - ..|^2, as a function of the state x of
@@ -144,6 +166,25 @@ struct dse_linear_mhe {
     dse_real *errors;   /* N x ny */
     dse_real *scratch;
 
+    /* With bounds only. */
+    bool bounded;
+    struct dse_active_set set;
+    struct dse_window_bounds bounds;
+    dse_real *minus_A;   /* nx x nx */
+    dse_real *lower;     /* N x nx: x_min, repeated */
+    dse_real *upper;     /* N x nx */
+    dse_real *w_lower;   /* N x nx: w_min + b */
+    dse_real *w_upper;   /* N x nx */
+    dse_real *free;      /* N x nx: the solution without bounds */
+    dse_real *product;   /* nx x DSE_ACTIVE_SET_BATCH */
+    dse_real *product_S; /* nx x DSE_ACTIVE_SET_BATCH */
+    dse_real *forces;    /* N x 2 nx: multipliers by constraint, of x_next */
+    long set_newest;     /* newest sample of the window that the set belongs to */
+    int set_length;      /* its length */
+    bool factors_new;    /* the factors have been made again since the columns of the set */
+    struct dse_linear_mhe_parts parts;
+    enum dse_active_set_path path;
+
     long solved_newest;    /* newest sample of the last solution, */
     int solved_length;     /* its length, 0 when there is none */
     bool solved_by_window; /* not merely predicted */
@@ -171,6 +212,11 @@ struct dse_linear_mhe {
 #define DSE_LINEAR_MHE_STORAGE(nx, ny, N)                                                          \
     (5 * (nx) * (nx) + (ny) * (ny) + 2 * (ny) * (nx) + DSE_FACTORED_SIZE(nx) + 3 * (nx) +          \
      (N) * (4 * (ny) + (ny) * (nx) + 8 * (nx) + 6 * (nx) * (nx)) + DSE_LINEAR_MHE_SCRATCH(nx, ny))
+
+/* The same with bounds of which max_active (not 0 here) can be active at once. */
+#define DSE_LINEAR_MHE_BOUNDED_STORAGE(nx, ny, N, max_active)                                      \
+    (DSE_LINEAR_MHE_STORAGE(nx, ny, N) + DSE_ACTIVE_SET_STORAGE(nx, nx, N, max_active) +           \
+     (nx) * ((nx) + 7 * (N) + 2 * DSE_ACTIVE_SET_BATCH))
 
 /* The window then holds one sample, number 0, without data. DSE_EINVAL: a value outside its range,
  * a matrix that is missing or not symmetric; DSE_ENOTPD: P0, Q or R; DSE_ENONFINITE; DSE_ESTORAGE.
@@ -209,8 +255,14 @@ int dse_linear_mhe_length(const struct dse_linear_mhe *mhe);
  * the states are mere prediction, or a solve has failed since. */
 enum dse_status dse_linear_mhe_covariance(struct dse_linear_mhe *mhe, dse_real *P);
 
-/* The certificate of the last solution: how far it is from optimal, see below. */
+/* The certificate of the last solution: how far it is from optimal, the largest of its parts. */
 dse_real dse_linear_mhe_certificate(const struct dse_linear_mhe *mhe);
+struct dse_linear_mhe_parts dse_linear_mhe_parts(const struct dse_linear_mhe *mhe);
+/* How the last solution met its bounds; DSE_PATH_SWAPS also when there are none. */
+enum dse_active_set_path dse_linear_mhe_path(const struct dse_linear_mhe *mhe);
+/* Whether a bound of entry i of state j (oldest first), or with i - nx of the disturbance from j to
+ * j + 1, was active in it: -1 the lower, 1 the upper, 0 none. */
+int dse_linear_mhe_active(const struct dse_linear_mhe *mhe, int j, int i);
 /* The certificate of any states x (H x nx) for the window as it is now, H its present length. With
  * the multipliers of the model that make the gradient with respect to all states zero,
  *
@@ -226,7 +278,8 @@ dse_real dse_linear_mhe_certificate(const struct dse_linear_mhe *mhe);
 dse_real dse_linear_mhe_certify(struct dse_linear_mhe *mhe, const dse_real *x);
 
 /* Initialising until a window is solved with data in it; coasting when the newest sample has no
- * value; unobservable or diverged after a failed solve. */
+ * value or the last feasible solution is held; rejecting when bounds are; unobservable or diverged
+ * after a failed solve. */
 enum dse_health dse_linear_mhe_health(const struct dse_linear_mhe *mhe);
 const struct dse_linear_mhe_counts *dse_linear_mhe_counts(const struct dse_linear_mhe *mhe);
 
