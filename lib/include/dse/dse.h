@@ -21,6 +21,7 @@
 #include "dse/normal_form.h"
 #include "dse/ode.h"
 #include "dse/plant.h"
+#include "dse/quadratic.h"
 #include "dse/random.h"
 #include "dse/real.h"
 #include "dse/status.h"
