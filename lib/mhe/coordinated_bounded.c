@@ -1,5 +1,6 @@
 /* Coordinated moving horizon estimation: an agent's problems with bounds, as window QPs. */
 #include <stddef.h>
+#include <stdint.h>
 
 #include "coordinated_internal.h"
 #include "dse/linalg.h"
@@ -16,6 +17,15 @@ static int max_active(const struct dse_mhe_local *local, int nz)
     return asked > 0 && asked < all ? asked : all;
 }
 
+/* Memory for pointers, which may want a stricter alignment than reals. */
+static const dse_real **take_pointers(int count, struct dse_arena *arena)
+{
+    unsigned char *at = (unsigned char *)dse_arena_take(arena, DSE_MHE_POINTERS(count));
+    while ((uintptr_t)at % _Alignof(dse_real *) != 0)
+        at += sizeof(dse_real);
+    return (const dse_real **)(void *)at;
+}
+
 static enum dse_status take(struct dse_mhe_local *local, struct dse_mhe_bounded *b, int nz, int nr,
                             const struct dse_window_qp_backend *backend, struct dse_arena *arena)
 {
@@ -28,6 +38,8 @@ static enum dse_status take(struct dse_mhe_local *local, struct dse_mhe_bounded 
     b->upper = dse_arena_take(arena, N * nz);
     b->row_lower = dse_arena_take(arena, (N - 1) * nr);
     b->row_upper = dse_arena_take(arena, (N - 1) * nr);
+    b->diagonal_block = take_pointers(N, arena);
+    b->below_block = take_pointers(N, arena);
     b->problem = (struct dse_window_qp_problem){.diagonal = b->diagonal_block,
                                                 .below = b->below_block,
                                                 .c = b->c,

@@ -46,7 +46,6 @@ enum dse_status mhe_subsystem_check(const struct dse_mhe_subsystem *subsystem);
 bool mhe_subsystem_is_bounded(const struct dse_mhe_subsystem *subsystem);
 enum dse_status mhe_settings_check(const struct dse_mhe_settings *settings);
 
-#define MHE_OUTPUTS_STORAGE(nx, ny) (2 * (ny) * (ny) + 2 * (ny) * (nx) + (ny))
 void mhe_outputs_take(struct dse_mhe_outputs *outputs, int nx, int ny, struct dse_arena *arena);
 enum dse_status mhe_outputs_set(struct dse_mhe_outputs *outputs,
                                 const struct dse_mhe_subsystem *subsystem);
@@ -59,7 +58,6 @@ void mhe_outputs_project(struct dse_mhe_outputs *outputs, const dse_real *has, c
 void mhe_outputs_apply(struct dse_mhe_outputs *outputs, const dse_real *has, const dse_real *x,
                        dse_real *z);
 
-#define MHE_PENALTY_STORAGE(nx) (5 * (nx) * (nx))
 enum mhe_penalty_kind {
     MHE_PENALTY_DISTURBANCE, /* S = Q^-1 */
     MHE_PENALTY_PRICE,       /* S = (Q + D)^-1, T, V */

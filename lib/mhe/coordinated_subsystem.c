@@ -48,9 +48,8 @@ enum dse_status mhe_settings_check(const struct dse_mhe_settings *settings)
     if (settings->scheme != DSE_MHE_ALONE && settings->scheme != DSE_MHE_PRICE &&
         settings->scheme != DSE_MHE_PREDICTION)
         return DSE_EINVAL;
-    if (settings->horizon < 1 || settings->horizon > DSE_MHE_MAX_HORIZON ||
-        settings->min_horizon < 1 || settings->min_horizon > settings->horizon ||
-        settings->max_age < 0)
+    if (settings->horizon < 1 || settings->min_horizon < 1 ||
+        settings->min_horizon > settings->horizon || settings->max_age < 0)
         return DSE_EINVAL;
     if (!(settings->barrier >= 0) || !dse_is_finite(settings->barrier))
         return DSE_EINVAL;

@@ -91,7 +91,7 @@ struct dse_mhe_subsystem {
 /* What the agents and the coordinator of a network agree on. It must outlive them. */
 struct dse_mhe_settings {
     enum dse_mhe_scheme scheme;
-    int horizon;     /* Hp, 1 .. DSE_MHE_MAX_HORIZON: samples of a full window */
+    int horizon;     /* Hp >= 1: samples of a full window */
     int min_horizon; /* Hmin, 1 .. horizon: shorter windows are not solved; no default */
     /* PREDICTION: t > 0 of the log barrier (4.63) in place of hard bounds, 1e6 in the source;
      * 0: hard bounds. The agents alone that it is to be compared with use it as well. */
@@ -126,7 +126,9 @@ struct dse_mhe_local_config {
 
 /* ---- what the objects consist of ---- */
 
-#define DSE_MHE_MAX_HORIZON 64
+/* Reals for `count` pointers, aligned. */
+#define DSE_MHE_POINTERS(count)                                                                    \
+    ((int)(((count) + 1) * (int)(sizeof(void *) / sizeof(dse_real)) + 1))
 
 /* A block-tridiagonal matrix and its Cholesky factor; lib/mhe/chain_internal.h. */
 struct dse_mhe_chain {
@@ -167,8 +169,8 @@ struct dse_mhe_bounded {
     dse_real *E;                     /* nx x nx: -A */
     dse_real *c, *lower, *upper;     /* N nz */
     dse_real *row_lower, *row_upper; /* (N-1) nr */
-    const dse_real *diagonal_block[DSE_MHE_MAX_HORIZON];
-    const dse_real *below_block[DSE_MHE_MAX_HORIZON];
+    const dse_real **diagonal_block; /* N pointers */
+    const dse_real **below_block;
 };
 
 /* A window of states with the disturbances, interactions and multipliers that belong to it. */
@@ -226,7 +228,8 @@ struct dse_mhe_local {
     bool sends;
 
     dse_real *rhs, *work; /* N nx */
-    dse_real *newton;     /* of the barrier's Newton steps */
+    dse_real *newton;     /* of the barrier: the last point and its Newton step */
+    int barrier_length;   /* of that point; 0: none */
 
     dse_real *x; /* N nx: window of the finished sample */
     int finished_length;
@@ -243,7 +246,7 @@ struct dse_mhe_local {
      3 * (N) * (ny) + (14 * (N)-5) * (nx))
 #define DSE_MHE_LESS(a, b) ((a) < (b) ? (a) : (b))
 #define DSE_MHE_QP_STORAGE(nz, nr, N, active)                                                      \
-    ((nz) * (nz) + 3 * (N) * (nz) + 2 * ((N)-1) * (nr) +                                           \
+    ((nz) * (nz) + 3 * (N) * (nz) + 2 * ((N)-1) * (nr) + 2 * DSE_MHE_POINTERS(N) +                 \
      DSE_WINDOW_QP_STORAGE(nz, nr, N, DSE_MHE_LESS(active, (N) * (nz))))
 #define DSE_MHE_LOCAL_BOUNDED_STORAGE(nx, ny, N, active)                                           \
     (DSE_MHE_LOCAL_STORAGE(nx, ny, N) + (nx) * (nx) + DSE_MHE_QP_STORAGE(nx, nx, N, active))

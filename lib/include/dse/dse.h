@@ -4,6 +4,7 @@
 
 #include "dse/active_set.h"
 #include "dse/arena.h"
+#include "dse/coordinated_mhe.h"
 #include "dse/distributed_kalman.h"
 #include "dse/distributed_observer.h"
 #include "dse/ekf.h"
