@@ -182,20 +182,39 @@ static enum dse_status check_definite(const struct dse_dkf *dkf, const struct wo
     return status;
 }
 
-/* `next` from `now` by `parts` steps of equal length. */
-static enum dse_status integrate(struct dse_dkf *dkf, struct step *step, int parts)
+static void copy(int n, const dse_real *from, dse_real *to)
 {
-    const dse_real h = dkf->config->period / (dse_real)parts;
-    for (int k = 0; k < dkf->n_state; k++)
-        dkf->next[k] = dkf->now[k];
-    for (int part = 0; part < parts; part++) {
-        enum dse_status status = dse_rk4_step(rates, step, dkf->t + (dse_real)part * h, h,
-                                              dkf->n_integrated, dkf->next, step->w.rest);
-        if (status == DSE_OK)
-            status = check_definite(dkf, &step->w);
-        if (status != DSE_OK)
-            return status;
-    }
+    for (int i = 0; i < n; i++)
+        to[i] = from[i];
+}
+
+/* `next` to the end of the period. */
+static enum dse_status integrate(struct dse_dkf *dkf)
+{
+    struct step step = {.dkf = dkf, .w = workspace(dkf)};
+    const enum dse_status status = dse_rk4_step(rates, &step, dkf->t, dkf->config->period,
+                                                dkf->n_integrated, dkf->next, step.w.rest);
+    return status == DSE_OK ? check_definite(dkf, &step.w) : status;
+}
+
+/* The measurement alone, x' = P C' R^-1 (y - C x) and P' = -P C' R^-1 C P over a period h, is
+ * solved by the update of a Kalman filter that samples y with the noise R / h. R_present is then
+ * zero: the rest of the step sees no measurement. */
+static enum dse_status measure(struct dse_dkf *dkf)
+{
+    const int n = dkf->nx, m = dkf->ny;
+    const struct dkf_parts next = dkf_parts(dkf, dkf->next);
+    dse_real *scratch = dkf->scratch;
+    struct dkf_update update = dkf_update_in(dkf, &scratch);
+    const enum dse_status status =
+        dkf_update_covariance(dkf, 1 / dkf->config->period, next.P, &update);
+    if (status != DSE_OK)
+        return status;
+    dkf_residual(dkf, next.x, update.Cx, update.eps);
+    add_product(n, m, 1, update.K, update.eps, next.x);
+    copy(n * n, update.M, next.P);
+    for (int k = 0; k < m * m; k++)
+        dkf->R_present[k] = 0;
     return DSE_OK;
 }
 
@@ -211,13 +230,14 @@ static void adapt_global(struct dse_dkf *dkf)
 
 enum dse_status dkf_advance_continuous(struct dse_dkf *dkf)
 {
-    struct step step = {.dkf = dkf, .w = workspace(dkf)};
-    enum dse_status status = integrate(dkf, &step, 1);
-    for (int k = 1; k <= dkf->halvings; k++) {
-        if (status != DSE_ENOTPD && status != DSE_ENONFINITE)
-            break;
-        status = integrate(dkf, &step, 1 << k);
-        dkf->counts.split += k == 1;
+    copy(dkf->n_state, dkf->now, dkf->next);
+    enum dse_status status = integrate(dkf);
+    if ((status == DSE_ENOTPD || status == DSE_ENONFINITE) && dkf->riccati && dkf->present > 0) {
+        copy(dkf->n_state, dkf->now, dkf->next);
+        status = measure(dkf);
+        if (status == DSE_OK)
+            status = integrate(dkf);
+        dkf->counts.split++;
     }
     if (status != DSE_OK)
         return status;

@@ -58,6 +58,26 @@ void dkf_limit(struct dse_dkf *dkf, dse_real *gains);
 enum dse_status dkf_invert_noise(int ny, const dse_real *R, const dse_real *has, dse_real *inverse,
                                  dse_real *scratch);
 
+/* A sampled measurement: what a Kalman filter makes of P, and what it is made with. */
+struct dkf_update {
+    dse_real *K;     /* nx x ny: P C' (w R + C P C')^-1, zero columns for missing channels */
+    dse_real *J;     /* nx x nx: I - K C */
+    dse_real *M;     /* nx x nx: J P J' + K w R K' (Joseph) */
+    dse_real *Kt;    /* ny x nx: K' */
+    dse_real *CP;    /* ny x nx */
+    dse_real *Z;     /* nx x ny */
+    dse_real *S;     /* ny x ny */
+    dse_real *noise; /* ny x ny: w R of the channels that there are */
+    dse_real *LU;    /* nx x nx */
+    dse_real *Cx;    /* ny */
+    dse_real *eps;   /* ny */
+};
+/* Its pieces of the scratch, DSE_DKF_SCRATCH_UPDATE in all; *scratch moves on behind them. */
+struct dkf_update dkf_update_in(const struct dse_dkf *dkf, dse_real **scratch);
+/* Fills it with the noise w R. DSE_ENOTPD. */
+enum dse_status dkf_update_covariance(const struct dse_dkf *dkf, dse_real w, const dse_real *P,
+                                      struct dkf_update *update);
+
 enum dse_status dkf_correct_discrete(struct dse_dkf *dkf);
 enum dse_status dkf_advance_continuous(struct dse_dkf *dkf);
 enum dse_status dkf_advance_predictor(struct dse_dkf *dkf);

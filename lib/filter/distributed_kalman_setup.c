@@ -1,10 +1,6 @@
 /* Distributed Kalman filter: what a configuration may say, and the filter's memory. */
-#include <limits.h>
-
 #include "distributed_kalman_internal.h"
 #include "dse/math.h"
-
-enum { HALVINGS = 6, MOST_HALVINGS = 20 };
 
 static bool at_least_zero(dse_real value)
 {
@@ -53,7 +49,6 @@ static bool numbers_in_range(const struct dse_dkf_config *config)
     const bool discrete = is_discrete(config);
     return at_least_zero(config->gamma) && at_least_zero(config->beta) &&
            at_least_zero(config->sigma) && at_least_zero(config->limit) && config->hold >= 0 &&
-           config->halvings >= -1 && config->halvings <= MOST_HALVINGS &&
            (discrete ? config->sigma < 1 : config->period > 0 && dse_is_finite(config->period));
 }
 
@@ -98,8 +93,10 @@ static enum dse_status check(const struct dse_dkf_config *config)
 static int scratch_size(const struct dse_dkf *dkf)
 {
     const int n = dkf->nx, m = dkf->ny;
-    const int continuous = DSE_RK4_SCRATCH(dkf->n_state) + 2 * n * n + 2 * m * n + 5 * m + n;
-    return dkf->discrete ? DSE_DKF_SCRATCH_DISCRETE(n, m) : continuous;
+    if (dkf->discrete)
+        return DSE_DKF_SCRATCH_DISCRETE(n, m);
+    const int rates = DSE_RK4_SCRATCH(dkf->n_state) + 2 * n * n + 2 * m * n + 6 * m + n;
+    return dkf->riccati ? DSE_DKF_LARGER(rates, DSE_DKF_SCRATCH_UPDATE(n, m)) : rates;
 }
 
 static bool take_memory(struct dse_dkf *dkf, struct dse_arena *arena)
@@ -216,7 +213,6 @@ enum dse_status dse_dkf_init(struct dse_dkf *dkf, const struct dse_dkf_config *c
         .nx = n,
         .ny = m,
         .n_gains = number_of_gains(config),
-        .halvings = config->halvings == 0 ? HALVINGS : config->halvings,
         .rate = config->beta > 0 ? config->beta : 1,
         .riccati = config->K == NULL,
         .lyapunov = adaptive(config) && config->direction == DSE_DKF_LYAPUNOV,

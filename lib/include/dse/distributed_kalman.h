@@ -122,16 +122,13 @@ struct dse_dkf_config {
      * then it is left out. When it comes back its Gamma_ij starts from 0. >= 0; 0 (default): left
      * out at once. */
     int hold;
-    /* A step after which P or W is not positive definite, or anything not finite, is repeated as
-     * 2, 4, .. 2^halvings Runge-Kutta steps (a large P0 beside a small R). 0 means 6; -1: never. */
-    int halvings;
 };
 
 /* Totals since init. */
 struct dse_dkf_counts {
     long steps;     /* successful */
     long failed;    /* steps that left everything as it was */
-    long split;     /* steps that had to be split */
+    long split;     /* steps taken in two parts, see dse_dkf_advance */
     long used;      /* own channels */
     long missing;   /* own channels flagged invalid */
     long nonfinite; /* own channels flagged valid, but NaN or infinite: treated as missing */
@@ -148,8 +145,7 @@ struct dse_dkf {
     int nx, ny, n_gains; /* n_gains: number of Gamma's */
     int n_integrated;    /* reals of the state that a Runge-Kutta step moves */
     int n_state;         /* reals of `now` */
-    int halvings;
-    dse_real rate; /* of the law: beta, discrete: gamma beta */
+    dse_real rate;       /* of the law: beta, discrete: gamma beta */
     bool riccati, lyapunov, discrete;
     dse_real t;
     const dse_real *u;
@@ -188,9 +184,12 @@ struct dse_dkf {
     ((nx) + (matrices) * (nx) * (nx) + DSE_DKF_LARGER(neighbours, 1) * (ny) * (ny))
 #define DSE_DKF_SCRATCH_CONTINUOUS(nx, ny, neighbours, matrices)                                   \
     (DSE_RK4_SCRATCH(DSE_DKF_STATE(nx, ny, neighbours, matrices)) + 2 * (nx) * (nx) +              \
-     2 * (nx) * (ny) + 4 * (ny) + (nx))
+     2 * (nx) * (ny) + 6 * (ny) + (nx))
+/* A measurement update; in discrete time also A, a factorisation and the coupling. */
+#define DSE_DKF_SCRATCH_UPDATE(nx, ny)                                                             \
+    (3 * (nx) * (nx) + 4 * (nx) * (ny) + 2 * (ny) * (ny) + 2 * (ny))
 #define DSE_DKF_SCRATCH_DISCRETE(nx, ny)                                                           \
-    (4 * (nx) * (nx) + 4 * (nx) * (ny) + 2 * (ny) * (ny) + 4 * (ny) + 2 * (nx))
+    (DSE_DKF_SCRATCH_UPDATE(nx, ny) + (nx) * (nx) + 3 * (ny) + (nx))
 #define DSE_DKF_STORAGE_WITH(nx, ny, neighbours, matrices)                                         \
     (2 * DSE_DKF_STATE(nx, ny, neighbours, matrices) + (nx) + 2 * (nx) * (ny) +                    \
      (neighbours) * (DSE_DKF_LARGER(nx, ny) + 1) + 4 * (ny) + 3 * (ny) * (ny) +                    \
@@ -241,8 +240,12 @@ enum dse_status dse_dkf_global_sum(struct dse_dkf *dkf, const dse_real *sum);
  * estimate. */
 enum dse_status dse_dkf_correct(struct dse_dkf *dkf);
 
-/* To the next sample. DSE_EMODEL, DSE_ENONFINITE, DSE_ENOTPD: estimate, covariances and gains stay
- * as they were. DSE_EINVAL: correct was not called, or failed, in this sample. */
+/* To the next sample. A large P beside a small R can be too fast for a Runge-Kutta step (beyond
+ * period C P C' R^-1 of about 2.5): when P would not stay positive definite, or anything not
+ * finite, the step is repeated in two parts. First the measurement alone over the whole period,
+ * whose solution is known: P <- (P^-1 + period C' R^-1 C)^-1, and xh accordingly; then all the rest
+ * by Runge-Kutta. DSE_EMODEL, DSE_ENONFINITE, DSE_ENOTPD: estimate, covariances and gains stay as
+ * they were. DSE_EINVAL: correct was not called, or failed, in this sample. */
 enum dse_status dse_dkf_advance(struct dse_dkf *dkf);
 
 /* Sets the estimate anew, e.g. after a divergence: x (nx), P (nx x nx; NULL: stays), and all gains
