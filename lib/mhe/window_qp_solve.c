@@ -75,17 +75,15 @@ static bool refine(struct dse_window_qp *qp, const struct dse_window_qp_problem 
 
 /* The search, and whether its result is what it says. */
 static enum dse_status search(struct dse_window_qp *qp, const struct dse_window_qp_problem *problem,
+                              int max_passes, int max_steps,
                               struct dse_window_qp_certificate *certificate)
 {
-    const struct dse_window_qp_config *config = qp->config;
     const int H = problem->stages, all = qp->nz * H;
     for (int i = 0; i < all; i++)
         qp->free[i] = problem->c[i];
     enum dse_status status = window_qp_apply(qp, 1, H - 1, qp->free);
     if (status == DSE_OK)
-        status =
-            active_set_search(&qp->set, qp->free, limit(config->max_passes, PASSES),
-                              limit(config->max_steps, 5 * qp->set.max_active + 20), qp->z_next);
+        status = active_set_search(&qp->set, qp->free, max_passes, max_steps, qp->z_next);
     if (status != DSE_OK)
         return status;
     tidy(qp);
@@ -164,13 +162,15 @@ enum dse_status dse_window_qp_solve(struct dse_window_qp *qp,
         return status;
     struct dse_window_qp_certificate certificate = {0, 0, 0};
     active_set_begin(&qp->set, problem->stages, &problem->bounds);
-    status = search(qp, problem, &certificate);
+    const int steps = 5 * qp->set.max_active + 20;
+    status = search(qp, problem, limit(qp->config->max_passes, PASSES),
+                    limit(qp->config->max_steps, steps), &certificate);
     enum dse_active_set_path path = qp->set.steps > 0 ? DSE_PATH_DUAL : DSE_PATH_SWAPS;
     if (status != DSE_OK && status != DSE_EINFEASIBLE && qp->config->backend) {
         path = DSE_PATH_BACKEND;
         status = ask_backend(qp, problem);
         if (status == DSE_OK)
-            status = search(qp, problem, &certificate);
+            status = search(qp, problem, PASSES, steps, &certificate);
     }
     if (status == DSE_OK) {
         qp->path = path;

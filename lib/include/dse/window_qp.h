@@ -58,8 +58,8 @@ struct dse_window_qp_config {
     int nr;         /* rows per pair of stages, >= 0 */
     int stages;     /* H at most, >= 1 */
     int max_active; /* constraints that can be active at once: 1 .. stages nz; 0 (default): all */
-    int max_passes; /* of swaps; 0 (default): 20; -1: none */
-    int max_steps;  /* of the dual method; 0 (default): 5 max_active + 20; -1: none */
+    int max_passes; /* of swaps; 0 (default): 20; -1: none but after the backend's answer */
+    int max_steps;  /* of the dual method likewise; 0 (default): 5 max_active + 20 */
     /* Largest certificate that is accepted; 0 (default): 1e-10, in single precision 1e-4. */
     dse_real tolerance;
     const struct dse_window_qp_backend *backend; /* NULL (default): none */
