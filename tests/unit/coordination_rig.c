@@ -115,8 +115,11 @@ enum dse_mhe_outcome coordination_sample(struct coordination *net, long k, const
         const struct dse_measurement measurement = {y + at, valid ? valid + at : NULL};
         (void)dse_mhe_local_begin(&net->local[i], k, &measurement);
     }
-    (void)dse_mhe_coordinator_begin(&net->coordinator, k);
-    enum dse_mhe_outcome outcome = dse_mhe_coordinator_outcome(&net->coordinator);
+    enum dse_mhe_outcome outcome = DSE_MHE_OUTCOME_ALONE;
+    if (!net->without_coordinator) {
+        (void)dse_mhe_coordinator_begin(&net->coordinator, k);
+        outcome = dse_mhe_coordinator_outcome(&net->coordinator);
+    }
     const bool starting = outcome != DSE_MHE_CONTINUE;
     while (outcome == DSE_MHE_CONTINUE) {
         for (int i = 0; i < parts; i++)

@@ -21,6 +21,7 @@ struct coordination {
     struct dse_mhe_local local[RIG_MAX_PARTS];
     struct dse_mhe_coordinator coordinator;
     coordination_delivers *delivers; /* NULL: always */
+    bool without_coordinator;        /* it takes no part: agents begin and finish */
     void *context;
     long k;
     int n, ny;
