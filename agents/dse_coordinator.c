@@ -23,6 +23,7 @@ struct choice {
     const char *network;
 };
 
+/* NOLINTNEXTLINE(readability-non-const-parameter): the type of options_program.take */
 static bool take(void *self, int option, char *value, struct error *error)
 {
     (void)option;

@@ -18,7 +18,8 @@ static int nodes(const struct method_setup *setup)
 
 static const struct coordinated_mhe_role *role_of(const struct coordinated_mhe_node *node)
 {
-    return node->part < node->plant.parts ? &coordinated_mhe_agent : &coordinated_mhe_coordinator;
+    return coordinated_mhe_coordinates(node) ? &coordinated_mhe_coordinator
+                                             : &coordinated_mhe_agent;
 }
 
 static enum dse_status begin(void *self, const struct method_sample *sample)

@@ -69,6 +69,12 @@ void *coordinated_mhe_create(const struct method_setup *setup, struct method_inf
                              struct error *error);
 void coordinated_mhe_destroy(void *self);
 
+/* Fills the configurations of a node whose plant is made (coordinated_mhe_config.c). */
+bool coordinated_mhe_configure(struct coordinated_mhe_node *node, const struct method_setup *setup,
+                               struct error *error);
+/* Whether it is the coordinator. */
+bool coordinated_mhe_coordinates(const struct coordinated_mhe_node *node);
+
 /* The functions of a node by what it is. */
 struct coordinated_mhe_role {
     enum dse_status (*begin)(struct coordinated_mhe_node *node, const struct method_sample *sample);

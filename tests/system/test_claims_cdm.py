@@ -44,7 +44,9 @@ class Outcome:
         """Estimates of all states at all samples (K, n)."""
         value = np.full(self.run.truth.value.shape, np.nan)
         for node in self.run.network(network).nodes:
-            value[np.ix_(node.estimates.sample, node.states)] = node.estimates.value
+            value[np.ix_(node.estimates.sample, np.array(node.states, dtype=int))] = (
+                node.estimates.value
+            )
         return value
 
     def error(self, network: str, states: slice = slice(None)) -> Floats:
@@ -78,7 +80,8 @@ class Outcome:
     def iterations(self, network: str) -> Floats:
         """Of all samples that are coordinated."""
         started = self.outcome(network) != STARTING
-        return self.of_node(network, -1, "iterations")[started]
+        counts: Floats = self.of_node(network, -1, "iterations")[started]
+        return counts
 
     def uplinks(self, network: str) -> float:
         """Windows that reached the coordinator."""
