@@ -64,11 +64,16 @@ def undetectable(A: Floats, C: Floats, discrete: bool = False) -> list[complex]:
     """Eigenvalues of A that are neither stable nor seen through C (Popov, Belevitch, Hautus)."""
     n = A.shape[0]
     values = np.linalg.eigvals(A) if n else np.zeros(0)
-    edge = 1e-12 * max(1.0, float(np.abs(A).max(initial=0)))
+    # rounding errors where zeros should be count by the size of what they come from
+    size = max(float(np.abs(A).max(initial=0)), float(np.abs(C).max(initial=0)))
+    edge = 1e-12 * max(1.0, size)
     unstable = [s for s in values if (abs(s) >= 1 - edge if discrete else s.real >= -edge)]
-    return [
-        complex(s) for s in unstable if rank(np.vstack([s * np.eye(n) - A, C.astype(complex)])) < n
-    ]
+    unseen = []
+    for s in unstable:
+        seen = np.linalg.svd(np.vstack([s * np.eye(n) - A, C.astype(complex)]), compute_uv=False)
+        if np.sum(seen > TOLERANCE * size) < n:
+            unseen.append(complex(s))
+    return unseen
 
 
 def care(A: Floats, C: Floats, Q: Floats, R: Floats) -> Floats:

@@ -1,6 +1,7 @@
 """The scenario section `distributed_observer` as `dse design` writes it.
 
     distributed_observer:
+      time: discrete            left out: continuous
       residual: neighbours      or own: whose residual teaches the gains
       gain: edge                or node
       gamma: 0.01               adaptation rate
@@ -69,10 +70,13 @@ class Coupling:
     leak: float = 0.0
 
 
-def text(head: str, coupling: Coupling, nodes: list[ObserverNode]) -> str:
+def text(head: str, coupling: Coupling, nodes: list[ObserverNode], time: str | None = None) -> str:
     """The YAML file; head goes into comments."""
     lines = [f"# {line}".rstrip() for line in head.splitlines()]
-    lines += ["distributed_observer:", f"  residual: {coupling.residual}"]
+    lines.append("distributed_observer:")
+    if time is not None:
+        lines.append(f"  time: {time}")
+    lines.append(f"  residual: {coupling.residual}")
     lines += [f"  gain: {coupling.gain}", f"  gamma: {coupling.gamma!r}"]
     if coupling.leak > 0:
         lines.append(f"  leak: {coupling.leak!r}")
@@ -98,8 +102,9 @@ def design_lines(nodes: list[tuple[dict[str, Floats], dict[str, float]]]) -> lis
         for key, value in matrices.items():
             lines.append(f"{lead}{key}: {rows(value)}")
             lead = "      "
-        done = ", ".join(f'"{what}": {_number(value)}' for what, value in checks.items())
-        lines.append(f"{lead}residuals: {{{done}}}")
+        if checks:
+            done = ", ".join(f'"{what}": {_number(value)}' for what, value in checks.items())
+            lines.append(f"{lead}residuals: {{{done}}}")
     return lines
 
 
