@@ -49,7 +49,8 @@ static void deliver(struct high_gain_ekf_node *node)
     for (int j = 0; j < node->form.p; j++) {
         int64_t stamp = 0;
         const dse_real *state = NULL;
-        while ((state = lossy_link_take(node->links, j, node->k / period, &stamp)) != NULL)
+        while ((state = lossy_link_take(node->links, node->block[j], node->k / period, &stamp)) !=
+               NULL)
             if (node->ok)
                 dse_high_gain_ekf_deliver(&node->filter, j, stamp * period, state,
                                           node->form.n_i[j]);
@@ -83,14 +84,14 @@ static enum dse_status receive(void *self, int round, int from,
 {
     struct high_gain_ekf_node *node = self;
     int count = message->count;
+    int j = high_gain_ekf_place(node, from);
     if (count == 0)
         return DSE_OK;
-    if (node->links != NULL && from >= 0 && from < node->form.p &&
-        count == 1 + node->form.n_i[from]) {
+    if (node->links != NULL && j >= 0 && count == 1 + node->form.n_i[j]) {
         lossy_link_put(node->links, from, node->k / every(node->section), message->value + 1);
         count = 1;
     }
-    return node->ok ? dse_high_gain_ekf_receive(&node->filter, round, from, message->value, count)
+    return node->ok ? dse_high_gain_ekf_receive(&node->filter, round, j, message->value, count)
                     : DSE_OK;
 }
 

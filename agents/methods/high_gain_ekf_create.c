@@ -47,11 +47,6 @@ static bool blocks_are_in_order(const struct dse_plant *process)
 static bool plant_fits(const struct method_setup *setup, struct error *error)
 {
     const struct dse_plant *process = setup->process;
-    if (setup->graph != NULL)
-        return error_set(error,
-                         "%s: networks.%s.graph: high_gain_ekf has no use for a graph, all its "
-                         "nodes hear each other",
-                         setup->scenario->file, setup->network->name);
     if (process->normal_form == NULL)
         return error_set(error, "plant %s has no normal form, which high_gain_ekf needs",
                          process->name);
@@ -106,8 +101,7 @@ static void fill_weights(struct high_gain_ekf_node *node, const struct method_se
     dse_real *P0 = dse_arena_take(&node->arena, n_i * n_i);
     dse_real *Q = dse_arena_take(&node->arena, n_i * n_i);
     dse_real *R = dse_arena_take(&node->arena, m * m);
-    for (int s = 0; s < node->form.n; s++)
-        x0[s] = (dse_real)setup->network->guess[s];
+    high_gain_ekf_guess(node, setup, x0);
     diagonal(n_i, section->P0 != NULL ? section->P0 + offset : NULL, P0);
     diagonal(n_i, section->Q + offset, Q);
     diagonal(m, section->R + first, R);
@@ -150,7 +144,8 @@ static void fill_config(struct high_gain_ekf_node *node, const struct method_set
     config->model = &node->model;
     config->form = &node->form;
     config->whole = is_centralised(section);
-    config->i = setup->node;
+    config->i = node->own;
+    config->heard = setup->graph != NULL;
     config->period = (dse_real)setup->period;
     config->coords = section->coordinates;
     config->scaling = section->scaling;
@@ -162,59 +157,6 @@ static void fill_config(struct high_gain_ekf_node *node, const struct method_set
     config->adaptation.sharpness = (dse_real)section->beta;
     config->adaptation.threshold = (dse_real)section->m;
     config->horizon = high_gain_ekf_horizon(section, setup->period);
-}
-
-/* ---- the predictor's own plant ---- */
-
-static bool parameters_exist(const struct method_setup *setup, struct error *error)
-{
-    const struct high_gain_ekf_section *section = setup->section;
-    const struct dse_plant *process = setup->process;
-    for (unsigned k = 0; k < section->predictor_parameters_count; k++) {
-        const char *name = section->predictor_parameters[k].name;
-        int i = 0;
-        while (i < process->n_parameters && strcmp(process->parameters[i].name, name) != 0)
-            i++;
-        if (i == process->n_parameters)
-            return error_set(error,
-                             "%s: networks.%s.high_gain_ekf.predictor_parameters[%u].name: plant "
-                             "%s has no parameter '%s'",
-                             setup->scenario->file, setup->network->name, k, process->name, name);
-    }
-    return true;
-}
-
-/* The network's parameters, then the predictor's. */
-static bool prepare_predictor(struct high_gain_ekf_node *node, const struct method_setup *setup,
-                              struct error *error)
-{
-    const struct high_gain_ekf_section *section = node->section;
-    const struct dse_plant *process = setup->process;
-    unsigned own = setup->network->parameters_count;
-    struct scenario_network believed = *setup->network;
-    if (section->predictor_parameters == NULL)
-        return true;
-    if (!parameters_exist(setup, error))
-        return false;
-    node->values = calloc((size_t)process->n_parameters + 1, sizeof *node->values);
-    node->prepared = calloc((size_t)process->prepared_size + 1, sizeof *node->prepared);
-    believed.parameters_count = own + section->predictor_parameters_count;
-    believed.parameters =
-        calloc((size_t)believed.parameters_count + 1, sizeof *believed.parameters);
-    bool ok = node->values != NULL && node->prepared != NULL && believed.parameters != NULL;
-    if (!ok)
-        error_set(error, "out of memory");
-    for (unsigned k = 0; ok && k < believed.parameters_count; k++)
-        believed.parameters[k] =
-            k < own ? setup->network->parameters[k] : section->predictor_parameters[k - own];
-    ok = ok &&
-         scenario_prepare_plant(setup->scenario, &believed, node->values, node->prepared, error);
-    free(believed.parameters);
-    if (ok) {
-        process->model(node->prepared, &node->predictor_model);
-        node->config.predictor_model = &node->predictor_model;
-    }
-    return ok;
 }
 
 /* ---- what the runtime gets to know ---- */
@@ -256,11 +198,8 @@ static void describe(const struct high_gain_ekf_node *node, const struct method_
     const struct dse_signal *output = &process->outputs[subsystem->outputs[0]];
     memset(info, 0, sizeof *info);
     describe_states(node, setup, info);
-    for (int j = 0; talks(node->section) && j < process->n_subsystems; j++)
-        if (j != setup->node) {
-            info->neighbours[info->n_neighbours++] = j;
-            info->listeners[info->n_listeners++] = j;
-        }
+    if (talks(node->section))
+        high_gain_ekf_describe_neighbours(setup, info);
     info->every = (int)node->section->communication.every;
     info->n_diagnostics = DIAGNOSTICS;
     memcpy(info->diagnostics, diagnostics, sizeof diagnostics);
@@ -271,7 +210,8 @@ static void describe(const struct high_gain_ekf_node *node, const struct method_
     memcpy(info->diagnostics[DIAGNOSTIC_J_SUM].unit, info->diagnostics[DIAGNOSTIC_J].unit,
            sizeof info->diagnostics[DIAGNOSTIC_J].unit);
     info->storage_bytes =
-        (int64_t)sizeof node->filter + (int64_t)node->arena.used * (int64_t)sizeof(dse_real);
+        (int64_t)sizeof node->filter +
+        (int64_t)(node->arena.used + node->part_storage) * (int64_t)sizeof(dse_real);
 }
 
 /* ---- life ---- */
@@ -280,8 +220,7 @@ void high_gain_ekf_destroy(void *self)
 {
     struct high_gain_ekf_node *node = self;
     lossy_link_destroy(node->links);
-    free(node->values);
-    free(node->prepared);
+    high_gain_ekf_leave_plant(node);
     free(node->memory);
     free(node);
 }
@@ -324,16 +263,15 @@ static bool open_links(struct high_gain_ekf_node *node, const struct method_setu
                          "%s: networks.%s.link: delays and losses go with communication of kind "
                          "tick only",
                          setup->scenario->file, setup->network->name);
-    node->links = lossy_link_create(setup, node->form.n_i, every, error);
+    node->links = lossy_link_create(setup, node->whole_form.n_i, every, error);
     return node->links != NULL;
 }
 
 static bool open_filter(struct high_gain_ekf_node *node, const struct method_setup *setup,
                         struct error *error)
 {
-    int n_i = is_centralised(node->section) ? node->form.n : node->form.n_i[setup->node];
-    if (!take_memory(node, setup, n_i, error) || !prepare_predictor(node, setup, error) ||
-        !open_links(node, setup, error))
+    int n_i = is_centralised(node->section) ? node->form.n : node->form.n_i[node->own];
+    if (!take_memory(node, setup, n_i, error) || !open_links(node, setup, error))
         return false;
     fill_config(node, setup, n_i);
     enum dse_status status = dse_high_gain_ekf_init(&node->filter, &node->config, &node->arena);
@@ -346,7 +284,6 @@ static bool open_filter(struct high_gain_ekf_node *node, const struct method_set
 void *high_gain_ekf_create(const struct method_setup *setup, struct method_info *info,
                            struct error *error)
 {
-    const struct dse_plant *process = setup->process;
     if (!plant_fits(setup, error) ||
         !high_gain_ekf_section_check(setup->section, setup->period, error))
         return NULL;
@@ -356,9 +293,7 @@ void *high_gain_ekf_create(const struct method_setup *setup, struct method_info 
         return NULL;
     }
     node->section = setup->section;
-    process->model(setup->prepared, &node->model);
-    process->normal_form(setup->prepared, &node->form);
-    if (!open_filter(node, setup, error)) {
+    if (!high_gain_ekf_take_plant(node, setup, error) || !open_filter(node, setup, error)) {
         high_gain_ekf_destroy(node);
         return NULL;
     }

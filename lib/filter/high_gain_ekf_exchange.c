@@ -7,7 +7,8 @@
 void dse_high_gain_plan_rounds(struct dse_high_gain_ekf *filter)
 {
     const struct dse_high_gain_ekf_config *config = filter->config;
-    const bool alone = filter->p == 1 || config->communication == DSE_HIGH_GAIN_NONE;
+    const bool alone =
+        (filter->p == 1 && !config->heard) || config->communication == DSE_HIGH_GAIN_NONE;
     const dse_real *moved = config->trigger.norm == DSE_TRIGGER_RELATIVE
                                 ? filter->estimate
                                 : filter->base + filter->offset;

@@ -104,7 +104,7 @@ static enum dse_status check_communication(const struct dse_high_gain_ekf_config
 {
     const enum dse_high_gain_communication kind = config->communication;
     const bool alone = config->whole || config->form->p == 1;
-    if (config->comm_every_ticks < 0 || config->max_delay < 0 ||
+    if (config->comm_every_ticks < 0 || config->max_delay < 0 || (config->whole && config->heard) ||
         (config->max_delay > 0 && kind != DSE_HIGH_GAIN_TICK)) {
         return DSE_EINVAL;
     }

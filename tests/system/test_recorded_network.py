@@ -17,9 +17,7 @@ def text_of(log: Path, stage: Stage, network: str, file: Path) -> str:
     return file.read_text()
 
 
-def test_a_recorded_network_gives_the_same_estimates(
-    stage: Stage, tmp_path: Path
-) -> None:
+def test_a_recorded_network_gives_the_same_estimates(stage: Stage, tmp_path: Path) -> None:
     """Delays, losses and an outage, first from the seed, then from the file."""
     log = inproc(stage, tmp_path / "random.lcm", "--set", OUTAGE, scenario=SCENARIO)
     written = text_of(log, stage, "random", tmp_path / "mine.csv")
@@ -53,9 +51,7 @@ def test_a_replay_needs_no_file_beside_the_log(stage: Stage, copied: Path) -> No
     assert replayed.out.count("720 estimates equal the recorded ones bit for bit") == 4
 
 
-def test_a_changed_file_is_another_experiment(
-    stage: Stage, copied: Path, url: str
-) -> None:
+def test_a_changed_file_is_another_experiment(stage: Stage, copied: Path, url: str) -> None:
     """A plant and an estimator that have read different files do not run together."""
     table = copied.with_name("ahg-49_network.csv")
     text = table.read_text()

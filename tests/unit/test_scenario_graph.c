@@ -140,7 +140,7 @@ static void what_is_no_graph_is_refused_with_its_line(void **state)
     }
 }
 
-static void the_high_gain_ekf_refuses_a_graph(void **state)
+static void the_high_gain_ekf_refuses_a_graph_that_leaves_somebody_out(void **state)
 {
     (void)state;
     struct method_setup setup;
@@ -152,7 +152,8 @@ static void the_high_gain_ekf_refuses_a_graph(void **state)
     assert_true(scenario_prepare_plant(scenario, &scenario->networks[0], values, prepared, &error));
     setup.prepared = prepared;
     assert_null(method_find("high_gain_ekf")->create(&setup, &info, &error));
-    assert_non_null(strstr(error.text, "x.yaml: networks.one.graph: high_gain_ekf has no use"));
+    assert_non_null(
+        strstr(error.text, "x.yaml: networks.one.graph: subsystem 1 acts on subsystem 0: node 0 "));
     scenario_free(scenario);
 }
 
@@ -164,7 +165,7 @@ int main(void)
         cmocka_unit_test(a_graph_may_have_no_edges),
         cmocka_unit_test(edges_count_for_the_hash),
         cmocka_unit_test(what_is_no_graph_is_refused_with_its_line),
-        cmocka_unit_test(the_high_gain_ekf_refuses_a_graph),
+        cmocka_unit_test(the_high_gain_ekf_refuses_a_graph_that_leaves_somebody_out),
     };
     return cmocka_run_group_tests_name("scenario_graph", tests, NULL, NULL);
 }

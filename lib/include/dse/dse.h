@@ -21,6 +21,7 @@
 #include "dse/model.h"
 #include "dse/normal_form.h"
 #include "dse/ode.h"
+#include "dse/part.h"
 #include "dse/plant.h"
 #include "dse/quadratic.h"
 #include "dse/random.h"

@@ -118,7 +118,10 @@ struct dse_high_gain_ekf_config {
     /* A centralised filter: one block of n states with all outputs, no neighbours. Needs
      * field_jacobian and push of the form, unless the coordinates are physical; i must be 0. */
     bool whole;
-    int i;           /* this filter's subsystem, 0..p-1 */
+    int i;      /* this filter's subsystem, 0..p-1 */
+    bool heard; /* somebody outside the model and form, which may be those of a part of the plant
+                 * (dse/part.h), hears it: it has something to say also where p = 1; not with
+                 * whole */
     dse_real period; /* T_s, one tick in plant time, > 0 */
 
     enum dse_high_gain_coords coords;

@@ -55,6 +55,10 @@ KINDS = {
 RIGHT_HAND_SIDE = "dse_ode_rhs"
 KINDS[RIGHT_HAND_SIDE] = (set(), "void *, dse_real, const dse_real *, dse_real *")
 INDIRECT = "__indirect_call"
+# A part of a plant calls the functions of the whole, of which it is not a part itself: those of
+# their kind that are not defined here.
+WRAPPER = "part.c"
+OF_A_WHOLE = " of a whole"
 
 
 class Graph:
@@ -96,14 +100,15 @@ class Graph:
             if kind is None:
                 self.errors.append(f"{caller}: what is called through a pointer at {place}?")
                 return
-            callee = "any " + kind
+            callee = "any " + kind + (OF_A_WHOLE if is_wrapper(caller) else "")
         self.calls.setdefault(caller, set()).add(callee)
 
     def callees(self, function: str) -> set[str]:
         """Whom a function may call."""
         if function.startswith("any "):
-            kind = function.removeprefix("any ")
-            return {title for title, k in self.kinds.items() if k == kind}
+            kind = function.removeprefix("any ").removesuffix(OF_A_WHOLE)
+            found = {title for title, k in self.kinds.items() if k == kind}
+            return {f for f in found if not (function.endswith(OF_A_WHOLE) and is_wrapper(f))}
         return self.calls.get(function, set())
 
     def worst_cases(self, runtime: dict[str, int]) -> dict[str, int]:
@@ -134,6 +139,11 @@ class Graph:
         for function in sorted(self.frames):
             visit(function)
         return depth
+
+
+def is_wrapper(title: str) -> bool:
+    """Whether a function is one of those through which a part of a plant is called."""
+    return Path(title.partition(":")[0]).name == WRAPPER
 
 
 @cache
