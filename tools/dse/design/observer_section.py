@@ -77,9 +77,9 @@ def text(head: str, coupling: Coupling, nodes: list[ObserverNode], time: str | N
     if time is not None:
         lines.append(f"  time: {time}")
     lines.append(f"  residual: {coupling.residual}")
-    lines += [f"  gain: {coupling.gain}", f"  gamma: {coupling.gamma!r}"]
+    lines += [f"  gain: {coupling.gain}", f"  gamma: {_number(coupling.gamma)}"]
     if coupling.leak > 0:
-        lines.append(f"  leak: {coupling.leak!r}")
+        lines.append(f"  leak: {_number(coupling.leak)}")
     lines.append("  nodes:")
     for node in nodes:
         lead = "    - "
