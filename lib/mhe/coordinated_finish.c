@@ -82,9 +82,10 @@ static void predict(struct dse_mhe_local *local)
 /* The solution to publish; NULL: there is none of this sample. */
 static const dse_real *choose(struct dse_mhe_local *local)
 {
-    if (local->stopped && local->has_kept)
-        return local->kept.X;
-    return local->last_status == DSE_OK ? local->current.X : NULL;
+    const bool kept = local->stopped && local->has_kept;
+    const struct dse_mhe_solution *solution = kept ? &local->kept : &local->current;
+    local->cost = solution->J;
+    return kept || local->last_status == DSE_OK ? solution->X : NULL;
 }
 
 void dse_mhe_local_finish(struct dse_mhe_local *local)

@@ -241,7 +241,7 @@ dse_real dse_mhe_local_certificate(const struct dse_mhe_local *local)
 
 dse_real dse_mhe_local_cost(const struct dse_mhe_local *local)
 {
-    return local->current.J;
+    return local->cost;
 }
 
 enum dse_status dse_mhe_local_covariance(const struct dse_mhe_local *local, dse_real *P)

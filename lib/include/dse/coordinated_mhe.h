@@ -233,6 +233,7 @@ struct dse_mhe_local {
 
     dse_real *x; /* N nx: window of the finished sample */
     int finished_length;
+    dse_real cost;
     long finished_sample;
     enum dse_mhe_status status;
     enum dse_health health;
@@ -315,7 +316,7 @@ int dse_mhe_local_active(const struct dse_mhe_local *local);
 /* Largest residual of the optimality conditions of the last local problem, relative to the terms
  * that it consists of; from the data of the problem, not from factors. */
 dse_real dse_mhe_local_certificate(const struct dse_mhe_local *local);
-/* J_i of the last local problem with its price terms, without the constant 1/2 Y'R^-1Y. */
+/* PRICE: J_i of the estimate's problem with its price terms, without the constant 1/2 Y'R^-1Y. */
 dse_real dse_mhe_local_cost(const struct dse_mhe_local *local);
 /* Covariance (nx x nx) of the newest estimate when it is one of its own (ALONE, LOCAL_ONLY) and no
  * bound is active; that of a coordinated estimate depends on the neighbours' data. DSE_ENODATA. */
