@@ -11,7 +11,7 @@ void sim_noise_init(struct sim_noise_source *source, const struct sim_noise *noi
     source->limited = noise->distribution == SIM_GAUSSIAN && noise->limit != NULL;
     for (int j = 0; j < channels; j++) {
         source->scale[j] = noise->distribution == SIM_NONE ? 0 : noise->scale[j];
-        source->limit[j] = source->limited ? noise->limit[j] : 0;
+        source->limit[j] = noise->limit != NULL ? noise->limit[j] : 0;
         dse_random_init(&source->stream[j], seed, ((uint64_t)kind << 32) + (uint64_t)j);
     }
 }

@@ -93,7 +93,7 @@ bool plant_source(const struct scenario *scenario, struct sample_source *source,
     plant->values = calloc((size_t)process->n_parameters + 1, sizeof *plant->values);
     plant->prepared = calloc((size_t)process->prepared_size + 1, sizeof *plant->prepared);
     plant->u = calloc((size_t)process->nu + 1, sizeof *plant->u);
-    plant->truth = calloc((size_t)(process->nx + process->n_unknown), sizeof *plant->truth);
+    plant->truth = calloc((size_t)process->nx + (size_t)process->n_unknown, sizeof *plant->truth);
     plant->process = process;
     char reason[256] = "out of memory";
     struct plant_drives drives = {0};

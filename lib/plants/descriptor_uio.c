@@ -68,7 +68,8 @@ static const struct dse_linear_process process = {.linear = {A, B, C, NULL}};
 
 static enum dse_status prepare(const dse_real *values, dse_real *prepared)
 {
-    (void)values, (void)prepared; /* nothing to choose */
+    (void)values;
+    prepared[0] = 0; /* nothing to choose */
     return DSE_OK;
 }
 
@@ -101,6 +102,7 @@ const struct dse_plant dse_plant_descriptor_uio = {
     .sets = sets,
     .n_subsystems = 6,
     .subsystems = sensors,
+    .prepared_size = 1,
     .prepare = prepare,
     .model = model,
     .complete = complete,

@@ -228,7 +228,8 @@ static void an_unknown_input_moves_the_plant_and_is_not_told(void **state)
     struct sample_source source;
     struct sample_data data = {0};
     char reason[256] = "";
-    if (scenario == NULL || !plant_source(scenario, &source, &error))
+    assert_string_equal(error.text, "");
+    if (!plant_source(scenario, &source, &error))
         fail_msg("%s", error.text);
     for (int k = 0; k <= 450; k++) {
         if (!source.next(source.self, k, &data, reason, sizeof reason))

@@ -209,7 +209,8 @@ static void a_plant_rests_at_its_origin(void **state)
         struct sample_source source;
         char reason[256] = "";
         struct scenario *scenario = scenario_parse(text, "x.yaml", away, moved, &error);
-        if (scenario == NULL || !plant_source(scenario, &source, &error))
+        assert_string_equal(error.text, "");
+        if (!plant_source(scenario, &source, &error))
             fail_msg("%s", error.text);
         double deviation[] = {moved, 0.125 * moved};
         for (int k = 0; k < 12; k++) {
@@ -247,8 +248,8 @@ static void a_swinging_matrix_swings_in_seconds(void **state)
     struct scenario *scenario = scenario_parse(text, "x.yaml", NULL, 0, &error);
     struct dse_model model;
     dse_real values[1], prepared[8], F[4];
-    if (scenario == NULL || !scenario_prepare_plant(scenario, NULL, values, prepared, &error))
-        fail_msg("%s", error.text);
+    assert_string_equal(error.text, "");
+    assert_true(scenario_prepare_plant(scenario, NULL, values, prepared, &error));
     scenario->process->model(prepared, &model);
     const dse_real x[] = {15, -10};
     for (int k = 0; k < 5; k++) {
@@ -293,7 +294,8 @@ static void the_time_varying_plant_runs_as_its_reference(void **state)
         struct sample_data data = {0};
         char reason[256] = "";
         struct scenario *scenario = scenario_parse(text, "x.yaml", rk4, one_step, &error);
-        if (scenario == NULL || !plant_source(scenario, &source, &error))
+        assert_string_equal(error.text, "");
+        if (!plant_source(scenario, &source, &error))
             fail_msg("%s", error.text);
         for (int k = 0, row = 0; k <= 1000; k++) {
             if (!source.next(source.self, k, &data, reason, sizeof reason))
