@@ -13,7 +13,7 @@ FLAGS = (
     "-std=c11 -O1 -fPIC -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wvla -Werror"
     " -ffp-contract=off -fno-math-errno"
 ).split()
-ROOMS = ("core", "math", "linalg", "model", "plants")
+ROOMS = ("core", "math", "linalg", "ode", "model", "plants")
 COMPILER = shutil.which("cc") or shutil.which("gcc")
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from compiled import COMPILER, ROOT, Compiled
+from compiled import COMPILER, ROOT, Compiled, compile_c
 from conftest import Command
 
 pytest.importorskip("casadi")
@@ -277,6 +277,21 @@ def test_iterated_inverse_is_right_to_working_precision_or_refused(
     for bad in (np.nan, np.inf, 1e300):
         for what in ("decode", "field", "jacobian", "field_jacobian"):
             assert plant.status(what, np.array([0, bad, 0, 0, 0]), None) == EMODEL
+
+
+@needs_compiler
+def test_more_stack_than_a_small_controller_has_is_asked_for_by_name(
+    model_file: Callable[[str], Path], tmp_path: Path
+) -> None:
+    """The Jacobians of a plant with an iterated inverse take two matrices of all states."""
+    made = model_file(COUPLED)
+    from dse.design import lie, plant_c, plant_file
+
+    (tmp_path / "coupled.c").write_text(plant_c.generate(lie.derive(plant_file.load(made)), "c"))
+    needed = 2 * 5 * 5 * 8
+    compile_c(["-c", f"-DDSE_PLANT_STACK={needed}", "coupled.c"], tmp_path)
+    with pytest.raises(AssertionError, match="too many states for the stack: see DSE_PLANT_STACK"):
+        compile_c(["-c", f"-DDSE_PLANT_STACK={needed - 1}", "coupled.c"], tmp_path)
 
 
 @needs_compiler

@@ -120,6 +120,56 @@ static enum dse_status newton(const struct equations *eq, const dse_real *q, dse
 }
 """
 
+STACK = """\
+/* A Jacobian takes 2 STATES^2 reals of the stack. Where it has more room than that of a small
+ * microcontroller: -DDSE_PLANT_STACK=8192. */
+#ifndef DSE_PLANT_STACK
+#define DSE_PLANT_STACK 2048
+#endif
+_Static_assert(2 * STATES * STATES * sizeof(dse_real) <= DSE_PLANT_STACK,
+               "too many states for the stack: see DSE_PLANT_STACK");
+"""
+
+BLOCK = """\
+/* F (count x count) = the diagonal block of A + db/dz + (db/dchi) (dPhi/dchi)^-1 that begins at
+ * `first`: column c is what a change of z_c does, alone and by way of chi. */
+static enum dse_status block_of_slope(const dse_real *q, dse_real t, const dse_real *z,
+                                      const dse_real *u, int first, int count, dse_real *F)
+{
+    dse_real chi[STATES], D[STATES * STATES], B[STATES * STATES], x[STATES];
+    int pivots[STATES];
+    const enum dse_status status = invert(q, t, z, u, chi);
+    if (status != DSE_OK) {
+        return status;
+    }
+    map_slope(q, t, z, chi, u, D);
+    if (!dse_all_finite(D, STATES * STATES) || dse_lu(STATES, D, pivots) != DSE_OK) {
+        return DSE_EMODEL;
+    }
+    rest_by_chi(q, t, z, chi, u, B);
+    for (int c = 0; c < count; c++) {
+        for (int k = 0; k < STATES; k++) {
+            x[k] = k == first + c ? 1 : 0;
+        }
+        dse_lu_solve(STATES, D, pivots, 1, x);
+        for (int r = 0; r < count; r++) {
+            dse_real sum = 0;
+            for (int k = 0; k < STATES; k++) {
+                sum += B[(first + r) * STATES + k] * x[k];
+            }
+            F[r * count + c] = sum;
+        }
+    }
+    rest_by_z(q, t, z, chi, u, B);
+    for (int r = 0; r < count; r++) {
+        for (int c = 0; c < count; c++) {
+            F[r * count + c] += B[(first + r) * STATES + first + c];
+        }
+    }
+    return dse_all_finite(F, count * count) ? DSE_OK : DSE_EMODEL;
+}
+"""
+
 HELPER = "const dse_real *q, dse_real t,\n    const dse_real *chi, const dse_real *u, dse_real *"
 
 
@@ -127,7 +177,7 @@ def functions(form: NormalForm, build: Builder) -> list[CFunction]:
     """The functions, helpers first."""
     largest = max(len(step.rows) for step in form.steps if step.solution is None)
     bounds = f"enum {{ LARGEST = {largest}, ITERATIONS = {ITERATIONS}, HALVINGS = {HALVINGS} }};"
-    made = [CFunction("", [], raw=f"{bounds}\n\n{SOLVER.rstrip()}")]
+    made = [CFunction("", [], raw=f"{bounds}\n\n{STACK}\n{SOLVER.rstrip()}")]
     for k, step in enumerate(form.steps):
         if step.solution is None:
             made += _equations(form, build, k, step)
@@ -216,56 +266,46 @@ def _field(form: NormalForm, build: Builder) -> CFunction:
 
 
 def _jacobian(form: NormalForm, build: Builder) -> list[CFunction]:
-    """field_jacobian, and jacobian as its diagonal blocks."""
-    s, names = form.symbols, ("q", "t", "chi", "u")
-    whole = build.body([("D", ca.jacobian(form.phi, s.x))], state="chi")
-    helper = CFunction(
-        f"static void map_slope({HELPER}D)",
-        [*unused(whole, names), *whole],
-        ["/* D = dPhi/dchi. */"],
-    )
+    """field_jacobian and jacobian: a diagonal block of F, column by column."""
+    s = form.symbols
     by_chi, by_z = (ca.jacobian(form.rest, v) for v in (s.x, s.z))
-    lines = [
-        "dse_real chi[STATES], D[STATES * STATES], X[STATES * STATES], B[STATES * STATES];",
-        "int pivots[STATES];",
-        *INVERT[1:],
-        "map_slope(q, t, chi, u, D);",
-        "if (!dse_all_finite(D, STATES * STATES) || dse_lu(STATES, D, pivots) != DSE_OK) {",
-        "    return DSE_EMODEL;",
-        "}",
-        "for (int k = 0; k < STATES * STATES; k++) {",
-        "    X[k] = k % (STATES + 1) == 0 ? 1 : 0;",
-        "}",
-        "dse_lu_solve(STATES, D, pivots, STATES, X);",
-        *build.body([("B", by_chi), ("D", by_z + ca.jacobian(form.shift(s.z), s.z))], state="chi"),
-        "dse_mat_mul(STATES, STATES, STATES, B, X, F);",
-        "for (int k = 0; k < STATES * STATES; k++) {",
-        "    F[k] += D[k];",
-        "}",
-        finite("F", "STATES * STATES"),
-    ]
-    blocks = [
-        "dse_real whole[STATES * STATES];",
-        "if (i < 0 || i >= BLOCKS) {",
-        "    return DSE_EINVAL;",
-        "}",
-        "const enum dse_status status = field_jacobian(form, t, z, u, whole);",
-        "if (status != DSE_OK) {",
-        "    return status;",
-        "}",
-        "int first = 0;",
-        "for (int k = 0; k < i; k++) {",
-        "    first += block_sizes[k];",
-        "}",
-        "for (int k = 0; k < block_sizes[i]; k++) {",
-        "    for (int l = 0; l < block_sizes[i]; l++) {",
-        "        F[k * block_sizes[i] + l] = whole[(first + k) * STATES + first + l];",
-        "    }",
-        "}",
-        "return DSE_OK;",
-    ]
     return [
-        helper,
-        form_function(build, "field_jacobian", "z F", lines, "F = A + db/dz"),
-        form_function(build, "jacobian", "z F", blocks, "F = A_i + db_i/dz_i, other z_j frozen"),
+        _matrix(build, "map_slope", ca.jacobian(form.phi, s.x), "D = dPhi/dchi."),
+        _matrix(build, "rest_by_chi", by_chi, "D = db/dchi."),
+        _matrix(build, "rest_by_z", by_z + ca.jacobian(form.shift(s.z), s.z), "D = A + db/dz."),
+        CFunction("", [], raw=BLOCK.rstrip()),
+        form_function(
+            build,
+            "field_jacobian",
+            "z F",
+            ["return block_of_slope(q, t, z, u, 0, STATES, F);"],
+            "F = A + db/dz",
+        ),
+        form_function(
+            build,
+            "jacobian",
+            "z F",
+            [
+                "if (i < 0 || i >= BLOCKS) {",
+                "    return DSE_EINVAL;",
+                "}",
+                "int first = 0;",
+                "for (int k = 0; k < i; k++) {",
+                "    first += block_sizes[k];",
+                "}",
+                "return block_of_slope(q, t, z, u, first, block_sizes[i], F);",
+            ],
+            "F = A_i + db_i/dz_i, other z_j frozen",
+        ),
     ]
+
+
+def _matrix(build: Builder, name: str, value: ca.SX, meaning: str) -> CFunction:
+    """A function that fills a matrix D (STATES x STATES)."""
+    lines = build.body([("D", value)], state="chi")
+    return CFunction(
+        f"static void {name}(const dse_real *q, dse_real t, const dse_real *z,\n"
+        "    const dse_real *chi, const dse_real *u, dse_real *D)",
+        [*unused(lines, ("q", "t", "z", "chi", "u")), *lines],
+        [f"/* {meaning} */"],
+    )

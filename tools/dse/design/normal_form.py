@@ -8,7 +8,8 @@ file must define is listed below. Coordinates are the outputs and their derivati
 
 taken by algorithmic differentiation, as are all Jacobians. The inverse is found in closed form
 where the equations can be solved one after the other, otherwise the C file iterates (Newton, at
-most 50 steps, DSE_EMODEL when it does not converge).
+most 50 steps, DSE_EMODEL when it does not converge). Its Jacobians then take two matrices of all
+states from the stack: more than 2048 bytes have to be asked for with -DDSE_PLANT_STACK=8192.
 
 The C file needs nothing but the library: put it into lib/plants/, add its dse_plant_NAME to
 lib/plants/registry.c, build. Without -o the plant is only examined.
