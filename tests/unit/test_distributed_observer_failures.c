@@ -221,8 +221,13 @@ static void memory_is_exactly_what_the_macro_says(void **state)
 {
     (void)state;
     struct dse_arena arena;
+    static const dse_real M[2] = {1, 2}, C2[2] = {0, 1};
+    static const struct dse_observer_rows one_row[2] = {{1, C2}, {1, C2}};
     scalar_config(DSE_OBSERVER_NEIGHBOURS, 2);
-    const int size = DSE_DISTRIBUTED_OBSERVER_STORAGE(1, 0, 1, 1, 2, 2, 1);
+    config.nx = 2;
+    config.M = M;
+    config.theirs = one_row;
+    const int size = DSE_DISTRIBUTED_OBSERVER_STORAGE(1, 0, 1, 2, 2, 2, 1);
     dse_arena_init(&arena, memory, size - 1);
     assert_int_equal(dse_distributed_observer_init(&node, &config, &arena), DSE_ESTORAGE);
     assert_int_equal(arena.used, 0);

@@ -67,7 +67,8 @@ struct outcome {
 static struct outcome run(const dse_real *xd0, dse_real h, int steps)
 {
     struct outcome found = {0};
-    dse_real V[RIG_NODES], V0[RIG_NODES], e[RIG_NODES], e0[RIG_NODES], sum = 0;
+    dse_real V[RIG_NODES] = {0}, V0[RIG_NODES] = {0}, e[RIG_NODES] = {0}, e0[RIG_NODES] = {0};
+    dse_real sum = 0;
     assert_int_equal(rig_start(&rig, xd0), DSE_OK);
     for (int i = 0; i < rig.n; i++) {
         V0[i] = V[i] = V_of(i);
