@@ -320,6 +320,16 @@ def test_a_scenario_is_checked_about_its_linear_or_nonlinear_plant(
         )
 
 
+def test_prices_without_a_weight_on_interactions_are_singular(tmp_path: Path, dse: Command) -> None:
+    """The source's window of 10 samples has rank 91 of 111 in each subsystem."""
+    done = dse(
+        "design", "mhe-check", write(tmp_path / "x.yaml", "SEP3_price", 10, 10, scheme="price")
+    )
+    assert done.code == 1
+    assert "H = 10: price-driven without D: the local problems are singular" in done.out
+    assert "lack 20, 20, 20 ranks" in done.out
+
+
 def test_a_scenario_without_such_a_network_is_refused(dse: Command) -> None:
     done = dse("design", "mhe-check", "ahg-43")
     assert done.code == 2 and "no network has a section coordinated_mhe" in done.err

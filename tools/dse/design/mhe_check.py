@@ -5,7 +5,8 @@ For each network with a section `coordinated_mhe` (or for a file with A, C, bloc
   existence     Psi > 0, and Omega_ii > 0 for each subsystem by itself: without it no scheme runs
   prediction    rho_L < 1: the iteration that is run converges, by this factor a round; the coupling
                 may grow by 1/rho_L; `consistent` is the recursion of the source's theorem
-  price         condition on D (smallest eigenvalue of M_x positive), condition number of the dual
+  price         condition on D (smallest eigenvalue of M_x positive), condition number of the dual;
+                without D the scheme is singular
 
 Start-up windows count as well as the full one. Exit code 1 when something does not hold.
 
@@ -108,6 +109,7 @@ def _distinct(found: list[Scheme]) -> Iterator[Scheme]:
         key = (*parts, tuple(m.states), one.Hp, one.Hmin, one.beta)
         if key in seen:
             seen[key].name += f", {one.name}"
+            seen[key].kinds |= one.kinds
         else:
             seen[key] = one
     yield from seen.values()
@@ -137,11 +139,18 @@ def warnings_of(scheme: Scheme, one: Certificate, coupling: float = 1.0) -> Iter
     if not one.exists:
         value = one.min_eig_Psi
         yield f"{who}: the plant is not observable (smallest eigenvalue of Psi {value:.3g})"
-    if scheme.scheme in ("", "prediction") and one.rho_relaxed >= 1:
+    if (not scheme.kinds or "prediction" in scheme.kinds) and one.rho_relaxed >= 1:
         yield (
             f"{who}: rho_L = {one.rho_relaxed:.4g} is not below 1, the prediction-driven iteration"
             f" diverges; the coupling must be below {coupling * one.admissible_coupling:.4g} times"
             f" what it is"
+        )
+    if "price" in scheme.kinds and one.min_eig_M_x is None and all(one.exists_local):
+        states, outputs = scheme.model.states, scheme.model.outputs
+        free = [one.H * (n - q) for n, q in zip(states, outputs, strict=True)]
+        yield (
+            f"{who}: price-driven without D: the local problems are singular, they lack"
+            f" {', '.join(map(str, free))} ranks"
         )
     if one.min_eig_M_x is not None and not one.min_eig_M_x > 0:
         yield f"{who}: D fails its condition (smallest eigenvalue of M_x {one.min_eig_M_x:.3g})"

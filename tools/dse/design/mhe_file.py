@@ -30,7 +30,8 @@ class Scheme:
     """One network."""
 
     name: str
-    scheme: str
+    kinds: set[str]
+    """Values of the key `scheme` of all networks that this stands for; empty: any."""
     model: Model
     Hp: int
     Hmin: int
@@ -109,7 +110,7 @@ def _scheme(
         raise UserError(f"{path}: Hmin {shortest} and Hp {longest} are not in order")
     return Scheme(
         name,
-        str(section.get("scheme", "")),
+        {str(section["scheme"])} if "scheme" in section else set(),
         model,
         longest,
         shortest,
