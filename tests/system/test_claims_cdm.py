@@ -22,7 +22,7 @@ from dse.run import HEALTH, Floats, Run
 SEEDS = (1, 2)
 HMIN, HP = 3, 10
 """Shortest and full window; the first sample that is coordinated is HMIN - 1."""
-CONVERGED, PREMATURE, STARTING = 1, 2, 4
+CONVERGED, PREMATURE, SINGULAR, STARTING = 1, 2, 3, 4
 """Values of the coordinator's diagnostic `outcome`: enum dse_mhe_outcome."""
 EQUAL = 1e-9
 SEPARATOR = slice(6, 9)
@@ -154,6 +154,10 @@ CLAIMS = [
           lambda run: run.gap("price", "centralised_D") <= EQUAL),
     Claim(E1, ("networks.price.coordinated_mhe.price_start=zero",),
           "the same from any price", lambda run: run.gap("price", "centralised_D") <= EQUAL),
+    Claim(E1, (), "without D the scheme is singular, says so, and gives decentralised estimates",
+          lambda run: (run.outcome("standard")[HMIN - 1 :] == SINGULAR).all()
+          and run.health("standard", 0) == {"unobservable"}
+          and (run.gap("standard", "decentralised")[HMIN - 1 :] == 0).all()),
     Claim(E1, (), "near the centralised error sum, below a quarter of the decentralised (5.4 x)",
           is_near_centralised("price")),
     Claim(E1, (), "without the first two samples even below a tenth (23 x)",
@@ -191,6 +195,10 @@ CLAIMS = [
           and run.iterations("hard").max() <= 60),
     Claim("cdm-e4", (), "near the centralised error sum, below a quarter of the decentralised",
           is_near_centralised("hard")),
+    Claim("cdm-e4", (), "barrier: the plain iteration cycles in some windows (23 of 99)",
+          lambda run: 60 <= (run.outcome("barrier") == CONVERGED).sum() < 99),
+    Claim("cdm-e4", (), "near the centralised error sum all the same (6.6 x)",
+          is_near_centralised("barrier")),
     Claim("cdm-e4", (FINE.format("hard", 1e-9),),
           "with full windows the centralised estimate within the bounds",
           lambda run: run.gap("hard", "centralised")[HP:] <= EQUAL),

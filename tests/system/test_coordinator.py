@@ -196,7 +196,7 @@ def test_a_killed_agent_is_done_without_and_is_coordinated_again_when_its_window
     hand: Hand, undisturbed: dict[int, np.ndarray]
 ) -> None:
     first = hand.start("dse-estimator", "--node", 0, "--network", "price")
-    for network in ("centralised", "centralised_D", "decentralised"):
+    for network in ("standard", "centralised", "centralised_D", "decentralised"):
         hand.start("dse-estimator", "--node", 0, "--network", network)
     hand.estimators("1..2")
     hand.start("dse-coordinator")
@@ -242,5 +242,5 @@ def test_who_coordinates_nobody_is_told_so(words: tuple[str, ...], said: str, st
 def test_a_plant_that_misses_the_coordinator_names_the_program(stage: Stage, url: str) -> None:
     stage.start(dse("dse-estimator"), "cdm-e1", "--lcm-url", url, "--node", "0..2")
     said = stage.run(dse("dse-plant"), "cdm-e1", "--lcm-url", url, "--wait", 3).with_code(1)
-    assert "node 3 of network price did not join within 3 s" in said.err
+    assert "node 3 of network price (and others) did not join within 3 s" in said.err
     assert "start it with: dse-coordinator " in said.err
