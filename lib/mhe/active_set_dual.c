@@ -56,15 +56,19 @@ static enum dse_status make_dual_feasible(struct dse_active_set *set, const dse_
     }
 }
 
+/* A member's share in n_p = sum_m r_m n_m below this, relative to sizes, is rounding. */
+#define NO_SHARE (100 * ACTIVE_SET_ROUNDING)
+
 /* The longest step that no multiplier forbids, and whose (-1: none). `side` is that of p. */
-static dse_real longest_step(const struct dse_active_set *set, int side, int *blocking)
+static dse_real longest_step(const struct dse_active_set *set, int p, int side, int *blocking)
 {
+    const dse_real least = NO_SHARE * active_set_size(set, p);
     dse_real longest = DSE_REAL_MAX;
     *blocking = -1;
     for (int m = 0; m < set->count; m++) {
         const int k = set->member[m];
         const dse_real decrease = (dse_real)(set->side[k] * side) * set->step[m];
-        if (!(decrease > 0) || active_set_is_equality(set, k))
+        if (!(decrease * active_set_size(set, k) > least) || active_set_is_equality(set, k))
             continue;
         const dse_real force = (dse_real)set->side[k] * set->y[m];
         const dse_real t = (force > 0 ? force : 0) / decrease;
@@ -76,15 +80,27 @@ static dse_real longest_step(const struct dse_active_set *set, int side, int *bl
     return longest;
 }
 
-/* z <- z - side t (K n_p - K N' r),  y <- y - side t r. */
-static void move(struct dse_active_set *set, const dse_real *column, dse_real t, dse_real *z)
+/* step = r and direction = K n_p - K N' r, where N direction = 0; corrected once, because members
+ * that nearly depend on each other cost digits. The curvature n_p'direction; 0: p depends. */
+static dse_real find_direction(struct dse_active_set *set, int p, const dse_real *column,
+                               dse_real *direction)
 {
-    const int rows = set->stages * set->nz;
-    dse_axpy(rows, -t, column, z);
-    for (int m = 0; m < set->count; m++) {
-        dse_axpy(rows, t * set->step[m], active_set_column(set, set->member[m]), z);
-        set->y[m] -= t * set->step[m];
+    for (int i = 0; i < set->stages * set->nz; i++)
+        direction[i] = column[i];
+    for (int m = 0; m < set->count; m++)
+        set->step[m] = 0;
+    for (int pass = 0; pass < 2; pass++) {
+        for (int m = 0; m < set->count; m++)
+            set->kept[m] = active_set_value(set, set->member[m], direction);
+        active_set_solve_factor(set, set->kept);
+        active_set_subtract(set, set->kept, direction);
+        dse_axpy(set->count, 1, set->kept, set->step);
     }
+    const dse_real curvature = active_set_value(set, p, direction);
+    dse_real terms = active_set_terms(set, p, column);
+    for (int m = 0; m < set->count; m++) /* what the difference is made of */
+        terms += dse_abs(set->step[m] * active_set_value(set, set->member[m], column));
+    return curvature > ACTIVE_SET_DEPENDENT * terms ? curvature : 0;
 }
 
 /* Constraint p, violated at that side, enters; others may leave. */
@@ -98,20 +114,19 @@ static enum dse_status enter(struct dse_active_set *set, int p, int side, int ma
         const dse_real *column = status == DSE_OK ? active_set_column(set, p) : NULL;
         if (!column)
             return status != DSE_OK ? status : DSE_ENOCONV;
-        for (int m = 0; m < set->count; m++)
-            set->step[m] = active_set_value(set, set->member[m], column);
-        active_set_solve_factor(set, set->step);
-        const dse_real curvature = active_set_append(set, set->count, p, column);
+        dse_real *direction = set->several; /* free between columns */
+        const dse_real curvature = find_direction(set, p, column, direction);
         const dse_real off =
             (dse_real)side * (active_set_value(set, p, z) - active_set_bound(set, p, side));
         const dse_real full = curvature > 0 ? (off > 0 ? off : 0) / curvature : DSE_REAL_MAX;
         int blocking;
-        const dse_real partial = longest_step(set, side, &blocking);
+        const dse_real partial = longest_step(set, p, side, &blocking);
         if (blocking < 0 && !(curvature > 0))
             return DSE_EINFEASIBLE;
         const dse_real t = full <= partial ? full : partial;
         y += (dse_real)side * t;
-        move(set, column, (dse_real)side * t, z);
+        dse_axpy(set->stages * set->nz, -(dse_real)side * t, direction, z);
+        dse_axpy(set->count, -(dse_real)side * t, set->step, set->y);
         if (full <= partial) {
             if (!active_set_insert(set, set->count, p, side))
                 return DSE_ENOCONV;

@@ -8,6 +8,10 @@
 #define ACTIVE_SET_ROUNDING                                                                        \
     (sizeof(dse_real) == sizeof(double) ? DSE_REAL(1e-12) : 64 * DSE_REAL_EPSILON)
 
+/* A pivot or curvature below this, relative to the terms that it is made of, says: dependent. */
+#define ACTIVE_SET_DEPENDENT                                                                       \
+    (sizeof(dse_real) == sizeof(double) ? DSE_REAL(1e-11) : 128 * DSE_REAL_EPSILON)
+
 /* ---- constraints (active_set.c) ---- */
 
 static inline int active_set_stride(const struct dse_active_set *set)
@@ -69,9 +73,10 @@ void active_set_solve(struct dse_active_set *set, dse_real *z);
 void active_set_correct(struct dse_active_set *set, const dse_real *z, dse_real *dz);
 /* v = K c -> (K - K N' S^-1 N K) c: the derivative of the solution along c. */
 void active_set_project(struct dse_active_set *set, dse_real *v);
-/* Appends row and pivot of constraint k after `at` members: the part of n_k'K n_k that the members
- * do not explain; not positive: dependent. */
-dse_real active_set_append(struct dse_active_set *set, int at, int k, const dse_real *column);
+/* v <- v - K N' step. */
+void active_set_subtract(const struct dse_active_set *set, const dse_real *step, dse_real *v);
+/* sum_i |n_ki v_i|: what n_k'v consists of. */
+dse_real active_set_terms(const struct dse_active_set *set, int k, const dse_real *v);
 
 /* ---- search (active_set_swap.c, active_set_dual.c) ---- */
 

@@ -5,9 +5,6 @@
 #include "dse/linalg.h"
 #include "dse/math.h"
 
-/* A pivot below this, relative to the terms that it is made of, says: dependent. */
-#define DEPENDENT (sizeof(dse_real) == sizeof(double) ? DSE_REAL(1e-11) : 128 * DSE_REAL_EPSILON)
-
 static int column_length(const struct dse_active_set *set)
 {
     return set->capacity * set->nz;
@@ -94,8 +91,7 @@ const dse_real *active_set_column(struct dse_active_set *set, int k)
     return set->columns + set->slot[k] * column_length(set);
 }
 
-/* sum_i |n_ki v_i|: what n_k'v consists of. */
-static dse_real terms(const struct dse_active_set *set, int k, const dse_real *v)
+dse_real active_set_terms(const struct dse_active_set *set, int k, const dse_real *v)
 {
     const int nz = set->nz, stride = active_set_stride(set), j = k / stride, i = k % stride;
     const dse_real *stage = v + j * nz;
@@ -111,8 +107,9 @@ static dse_real terms(const struct dse_active_set *set, int k, const dse_real *v
     return sum;
 }
 
-/* L_kj = (S_kj - sum_{p<j} L_kp L_jp) / L_jj,  pivot^2 = S_kk - sum_p L_kp^2. */
-dse_real active_set_append(struct dse_active_set *set, int at, int k, const dse_real *column)
+/* Row and pivot of constraint k after `at` members; false: it depends on them.
+ *     L_kj = (S_kj - sum_{p<j} L_kp L_jp) / L_jj,  L_kk^2 = S_kk - sum_p L_kp^2. */
+static bool append(struct dse_active_set *set, int at, int k, const dse_real *column)
 {
     const int width = set->slots;
     dse_real *l = set->L + at * width;
@@ -121,10 +118,10 @@ dse_real active_set_append(struct dse_active_set *set, int at, int k, const dse_
         l[m] = (active_set_value(set, set->member[m], column) - dse_dot(m, l, row)) / row[m];
     }
     const dse_real rest = active_set_value(set, k, column) - dse_dot(at, l, l);
-    if (!(rest > DEPENDENT * terms(set, k, column)))
-        return 0;
+    if (!(rest > ACTIVE_SET_DEPENDENT * active_set_terms(set, k, column)))
+        return false;
     l[at] = dse_sqrt(rest);
-    return rest;
+    return true;
 }
 
 enum dse_status active_set_factor(struct dse_active_set *set)
@@ -135,7 +132,7 @@ enum dse_status active_set_factor(struct dse_active_set *set)
     while (set->factored < set->count) {
         const int at = set->factored, k = set->member[at];
         const dse_real *column = set->columns + set->slot[k] * column_length(set);
-        if (active_set_append(set, at, k, column) > 0)
+        if (append(set, at, k, column))
             set->factored++;
         else
             active_set_remove(set, at);
@@ -157,8 +154,7 @@ void active_set_solve_factor(const struct dse_active_set *set, dse_real *step)
     }
 }
 
-/* v <- v - K N' step. */
-static void subtract_columns(const struct dse_active_set *set, const dse_real *step, dse_real *v)
+void active_set_subtract(const struct dse_active_set *set, const dse_real *step, dse_real *v)
 {
     for (int m = 0; m < set->count; m++)
         dse_axpy(set->stages * set->nz, -step[m],
@@ -173,7 +169,7 @@ void active_set_solve(struct dse_active_set *set, dse_real *z)
         set->y[m] = active_set_value(set, k, z) - active_set_bound(set, k, set->side[k]);
     }
     active_set_solve_factor(set, set->y);
-    subtract_columns(set, set->y, z);
+    active_set_subtract(set, set->y, z);
 }
 
 /* dy = S^-1 (N (z + dz) - b),  dz <- dz - K N' dy. */
@@ -185,7 +181,7 @@ void active_set_correct(struct dse_active_set *set, const dse_real *z, dse_real 
         set->step[m] = active_set_value(set, k, dz) + off;
     }
     active_set_solve_factor(set, set->step);
-    subtract_columns(set, set->step, dz);
+    active_set_subtract(set, set->step, dz);
     dse_axpy(set->count, 1, set->step, set->y);
 }
 
@@ -195,5 +191,5 @@ void active_set_project(struct dse_active_set *set, dse_real *v)
     for (int m = 0; m < set->count; m++)
         set->step[m] = active_set_value(set, set->member[m], v);
     active_set_solve_factor(set, set->step);
-    subtract_columns(set, set->step, v);
+    active_set_subtract(set, set->step, v);
 }

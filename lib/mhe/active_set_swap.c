@@ -28,6 +28,16 @@ void active_set_measure(struct dse_active_set *set, const dse_real *z)
     }
 }
 
+/* blur = max_i max_j |free_ji| / size_i, at least 1. */
+static void find_blur(struct dse_active_set *set)
+{
+    set->blur = 1;
+    for (int i = 0; i < set->stages * set->nz; i++) {
+        const dse_real ratio = dse_abs(set->free[i]) / set->size[i % set->nz];
+        set->blur = ratio > set->blur ? ratio : set->blur;
+    }
+}
+
 dse_real active_set_largest_force(const struct dse_active_set *set)
 {
     dse_real largest = 0;
@@ -58,7 +68,7 @@ static void judge_constraint(const struct dse_active_set *set, int k, dse_real v
     if (set->side[k] != 0)
         return;
     const dse_real relative = excess(set, k, value, &side) / active_set_size(set, k);
-    if (!(relative > ACTIVE_SET_ROUNDING))
+    if (!(relative > ACTIVE_SET_ROUNDING * set->blur))
         return;
     v->violated++;
     if (relative > *worst) {
@@ -73,6 +83,7 @@ struct active_set_violators active_set_judge(struct dse_active_set *set, const d
     struct active_set_violators v = {.worst = -1};
     dse_real worst = 0;
     active_set_measure(set, z);
+    find_blur(set);
     const dse_real largest = active_set_largest_force(set);
     for (int m = 0; m < set->count; m++)
         v.wrong += active_set_is_wrong(set, set->member[m], set->y[m], largest);
@@ -111,7 +122,8 @@ static void swap(struct dse_active_set *set, const dse_real *z)
             continue;
         int side;
         const dse_real value = i < nz ? z[j * nz + i] : set->rows[j * nr + i - nz];
-        if (!(excess(set, k, value, &side) / active_set_size(set, k) > ACTIVE_SET_ROUNDING))
+        if (!(excess(set, k, value, &side) / active_set_size(set, k) >
+              ACTIVE_SET_ROUNDING * set->blur))
             continue;
         at += active_set_insert(set, at, k, side);
     }
@@ -132,6 +144,7 @@ enum dse_status active_set_search(struct dse_active_set *set, const dse_real *fr
                                   int max_steps, dse_real *z)
 {
     int fewest = set->capacity * active_set_stride(set) + 1, patience = PATIENCE;
+    set->free = free;
     set->passes = 0;
     set->steps = 0;
     while (set->passes < max_passes) {

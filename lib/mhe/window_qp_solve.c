@@ -114,9 +114,8 @@ static enum dse_status ask_backend(struct dse_window_qp *qp,
         const int side = y[k] > 0 ? 1 : -1;
         const bool speaks = dse_abs(y[k]) * active_set_size(set, k) > BACKEND_ROUNDING * largest &&
                             active_set_is_bounded(active_set_bound(set, k, side));
-        if ((speaks || active_set_is_equality(set, k)) &&
-            !active_set_insert(set, set->count, k, side))
-            return DSE_ENOCONV;
+        if (speaks || active_set_is_equality(set, k))
+            (void)active_set_insert(set, set->count, k, side); /* as many as there is room for */
     }
     return DSE_OK;
 }

@@ -9,7 +9,7 @@
 
 #include "window_qp_rig.h"
 
-#define TIGHT TOLERANCE(1e-11, 2e-4)
+#define TIGHT TOLERANCE(1e-11, 1e-3)
 
 static struct dse_window_qp qp;
 static struct rig rig;

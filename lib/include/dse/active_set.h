@@ -61,23 +61,25 @@ struct dse_active_set {
     dse_active_set_apply *apply;
     void *context;
     const struct dse_window_bounds *bounds;
-    dse_real *unit;     /* nz: a size that matters of each entry of a stage, */
-    dse_real *size;     /* nz: and the largest in the window at hand plus that; */
-    dse_real *row_size; /* nr: likewise of the rows */
-    int *member;        /* slots: active constraints, in the order of the factor */
-    int count;          /* of them */
-    int factored;       /* so many of them are in the factor */
-    int *slot;          /* capacity (nz + nr): where the column of a constraint is, -1: nowhere */
-    int *owner;         /* slots: constraint that a column belongs to, -1: none */
-    int *side;          /* capacity (nz + nr): -1 at the lower bound, 1 at the upper, 0 inactive */
-    dse_real *columns;  /* slots x (capacity nz): K n_k */
-    dse_real *L;        /* slots x slots: S = L L' */
-    dse_real *y;        /* slots: multipliers of the members */
-    dse_real *step;     /* slots */
-    dse_real *kept;     /* slots: multipliers before a correction */
-    dse_real *several;  /* capacity nz x DSE_ACTIVE_SET_BATCH */
-    dse_real *rows;     /* capacity nr: values of the rows */
-    int passes, steps;  /* of the last search: swaps, steps of the dual method */
+    dse_real *unit;       /* nz: a size that matters of each entry of a stage, */
+    dse_real *size;       /* nz: and the largest in the window at hand plus that; */
+    dse_real *row_size;   /* nr: likewise of the rows */
+    const dse_real *free; /* K c */
+    dse_real blur;        /* how much larger that is, at least 1: its rounding is in the solution */
+    int *member;          /* slots: active constraints, in the order of the factor */
+    int count;            /* of them */
+    int factored;         /* so many of them are in the factor */
+    int *slot;            /* capacity (nz + nr): where the column of a constraint is, -1: nowhere */
+    int *owner;           /* slots: constraint that a column belongs to, -1: none */
+    int *side;         /* capacity (nz + nr): -1 at the lower bound, 1 at the upper, 0 inactive */
+    dse_real *columns; /* slots x (capacity nz): K n_k */
+    dse_real *L;       /* slots x slots: S = L L' */
+    dse_real *y;       /* slots: multipliers of the members */
+    dse_real *step;    /* slots */
+    dse_real *kept;    /* slots: multipliers before a correction */
+    dse_real *several; /* capacity nz x DSE_ACTIVE_SET_BATCH */
+    dse_real *rows;    /* capacity nr: values of the rows */
+    int passes, steps; /* of the last search: swaps, steps of the dual method */
 };
 
 /* Reals that an active set takes. */
