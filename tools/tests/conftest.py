@@ -55,7 +55,7 @@ def native(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Libdse_plants.so, compiled here."""
     where = tmp_path_factory.mktemp("native")
     sources = [ROOT / "tools" / "native" / "plants.c"]
-    for room in (*ROOMS, "ode"):
+    for room in ROOMS:
         sources += sorted((ROOT / "lib" / room).glob("*.c"))
     target = where / "libdse_plants.so"
     compile_c(["-DDSE_REAL_IS_double=1", "-shared", *map(str, sources), "-o", str(target)], where)
