@@ -1,0 +1,278 @@
+/* The adapters of the distributed Kalman filters and the distributed observers: combinations of
+ * keys, who hears what of whom, and silence. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "methods/method.h"
+
+enum { MOST = 4, USED = 3, HEARD = 1 };
+
+/* Three states, four groups: x1; x2 and x3; x1; x3. */
+#define HEAD                                                                                       \
+    "name: sensors\ntime: {period_s: 0.1, duration_s: 10}\nplant:\n  name: linear\n  linear: "     \
+    "{nx: "                                                                                        \
+    "3, A: [-1, 1, 0, 0, -1, 1, 0, 0, -1], C: [1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1], "     \
+    "groups: [1, 2, 1, 1]}\nnetworks:\n  - name: one\n    "
+
+#define STAR "graph: {nodes: 4, edges: [0, 1, 0, 2, 0, 3]}\n    "
+#define FILTER                                                                                     \
+    "distributed_kalman: {Q: [1, 1, 1], R: [1, 1, 1, 1, 1], guesses: [1, 2, 3, 4, 5, 6, 7, 8, 9, " \
+    "10, 11, 12], "
+#define ALONE "Lambda: [-1, 0, 0, 0, -1, 0, 0, 0, -1]"
+
+struct rig {
+    struct scenario *scenario;
+    const struct method *method;
+    dse_real values[4], prepared[512];
+    struct method_setup setup[MOST];
+    struct method_info info[MOST];
+    void *node[MOST];
+    struct method_estimate estimate[MOST];
+    int nodes;
+};
+
+static void close_rig(struct rig *rig)
+{
+    for (int i = 0; i < rig->nodes; i++)
+        if (rig->node[i] != NULL)
+            rig->method->destroy(rig->node[i]);
+    scenario_free(rig->scenario);
+}
+
+static bool open_rig(struct rig *rig, const char *network_keys, struct error *error)
+{
+    char yaml[4000];
+    memset(rig, 0, sizeof *rig);
+    snprintf(yaml, sizeof yaml, "%s%s\n", HEAD, network_keys);
+    rig->scenario = scenario_parse(yaml, "sensors.yaml", NULL, 0, error);
+    if (rig->scenario == NULL)
+        return false;
+    const struct scenario_network *network = &rig->scenario->networks[0];
+    assert_true(rig->scenario->process->prepared_size <= 512);
+    bool ok = scenario_prepare_plant(rig->scenario, network, rig->values, rig->prepared, error);
+    rig->method = method_at(scenario_method(network));
+    for (int i = 0; i < MOST; i++)
+        rig->setup[i] = (struct method_setup){.scenario = rig->scenario,
+                                              .network = network,
+                                              .section = network->section[scenario_method(network)],
+                                              .graph = network->neighbours,
+                                              .link = scenario_link_fates(network),
+                                              .process = rig->scenario->process,
+                                              .prepared = rig->prepared,
+                                              .period = scenario_period(rig->scenario),
+                                              .node = i};
+    int nodes = rig->method->nodes(&rig->setup[0]);
+    for (int i = 0; ok && i < nodes && i < MOST; i++) {
+        rig->node[i] = rig->method->create(&rig->setup[i], &rig->info[i], error);
+        ok = rig->node[i] != NULL;
+        rig->nodes = i + 1;
+    }
+    if (!ok)
+        close_rig(rig);
+    return ok;
+}
+
+static void must_open(struct rig *rig, const char *network_keys)
+{
+    struct error error = {.text = ""};
+    if (!open_rig(rig, network_keys, &error))
+        fail_msg("%s", error.text);
+}
+
+static void begin(struct rig *rig, int i, int64_t k, bool measured)
+{
+    static const double y[2] = {1, 1};
+    const bool valid[2] = {measured, measured};
+    struct method_sample in = {
+        .k = k, .t = (double)k * rig->setup[0].period, .y = y, .valid = valid};
+    assert_int_equal(rig->method->begin(rig->node[i], &in), DSE_OK);
+}
+
+/* Every node says something in round 0; the count of what node i says, -1: nothing. */
+static int say(struct rig *rig, int i, double *value)
+{
+    static struct method_plan plan;
+    struct method_message message = {.value = value};
+    plan = (struct method_plan){.speak = true};
+    if (rig->method->next(rig->node[i], 0, &plan, &message) == METHOD_DONE || !plan.speak ||
+        message.withheld)
+        return -1;
+    return message.count;
+}
+
+/* ---- keys ---- */
+
+static void keys_that_do_not_fit_are_refused(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *keys, *wanted;
+    } cases[] = {
+        {FILTER "scheme: edge, gamma: 1}", "graph is missing: who hears whom"},
+        {STAR FILTER "scheme: edge}", "gamma is missing"},
+        {STAR "distributed_kalman: {scheme: none, R: [1, 1, 1, 1, 1]}", "guesses is missing"},
+        {STAR "guess: [0, 0, 0]\n    distributed_kalman: {scheme: none}", "R is missing"},
+        {STAR FILTER "scheme: node, gamma: 1, direction: given}", "given and D need each other"},
+        {STAR FILTER "scheme: global, gamma: 1}", "as many outputs at every node"},
+        {STAR FILTER "scheme: none, K: [1, 2]}", "K has 2 values; it must have 15"},
+        {STAR FILTER "scheme: none, sensors: [0, 1]}", "sensors has 2 entries; the graph has 4"},
+        {STAR FILTER "scheme: none, sensors: [0, 1, 2, 4]}", "node 3 reads sensor group 4"},
+        {STAR FILTER "scheme: sideways}", "is not one of: none, edge, node, global, standard"},
+        {"graph: {nodes: 5, edges: []}\n    distributed_kalman: {scheme: none, R: [1, 1, 1, 1, 1], "
+         "guesses: [0]}",
+         "node 4 reads sensor group 4; plant linear has the groups 0 to 3 (see sensors)"},
+        {STAR "distributed_observer: {nodes: [{" ALONE "}]}", "nodes has 1 entries"},
+        {"distributed_observer: {nodes: [{" ALONE ", L: [1, 2]}]}",
+         "nodes[0].L has 2 values; it must have 3 x 1"},
+        {"distributed_observer: {nodes: [{Lambda: [-1]}]}", "nodes[0].M is missing"},
+        {"distributed_observer: {states: [3], nodes: [{Lambda: [-1]}]}", "there is no state 3"},
+        {"distributed_observer: {sensors: [7], nodes: [{" ALONE "}]}", "reads sensor group 7"},
+        {"link: {D: 1}\n    " FILTER "scheme: none}", "link.D: must be 0"},
+    };
+    static struct rig rig;
+    for (size_t c = 0; c < sizeof cases / sizeof cases[0]; c++) {
+        struct error error = {.text = ""};
+        if (open_rig(&rig, cases[c].keys, &error)) {
+            close_rig(&rig);
+            fail_msg("accepted: %s", cases[c].keys);
+        }
+        if (strstr(error.text, cases[c].wanted) == NULL)
+            fail_msg("\n  message:  %s\n  expected: %s", error.text, cases[c].wanted);
+    }
+}
+
+/* ---- who hears what ---- */
+
+/* Node 0 is heard by nodes with C = [0 1 0; 0 0 1], [1 0 0] and [0 0 1]. */
+static void a_filter_says_each_listener_what_its_sensors_would_see(void **state)
+{
+    (void)state;
+    static struct rig rig;
+    double value[METHOD_MESSAGE_CAPACITY];
+    must_open(&rig, STAR FILTER "scheme: edge, gamma: 1}");
+    begin(&rig, 0, 0, true);
+    assert_int_equal(say(&rig, 0, value), 4);
+    const double wanted[] = {2, 3, 1, 3};
+    assert_memory_equal(value, wanted, sizeof wanted);
+    assert_int_equal(rig.info[1].n_frames, 1);
+    assert_int_equal(rig.info[1].frames[0].from, 0);
+    assert_int_equal(rig.info[1].frames[0].values, 2);
+    assert_int_equal(rig.info[3].frames[0].values, 1);
+    assert_int_equal(rig.info[0].n_frames, 0);
+    close_rig(&rig);
+}
+
+static void listeners_with_equal_sensors_are_told_once(void **state)
+{
+    (void)state;
+    static struct rig rig;
+    double value[METHOD_MESSAGE_CAPACITY];
+    must_open(&rig, STAR FILTER "scheme: edge, gamma: 1, sensors: [0, 3, 2, 3]}");
+    begin(&rig, 0, 0, true);
+    assert_int_equal(say(&rig, 0, value), 2);
+    const double wanted[] = {3, 1};
+    assert_memory_equal(value, wanted, sizeof wanted);
+    close_rig(&rig);
+}
+
+/* Node 2 reads x1, the third of four values: with d = 1 - 7 its gain moves with beta eps d. */
+static void a_filter_takes_its_own_part_of_a_message(void **state)
+{
+    (void)state;
+    static struct rig rig;
+    double value[METHOD_MESSAGE_CAPACITY];
+    must_open(&rig, STAR FILTER "scheme: edge, gamma: 1e-9}");
+    begin(&rig, 0, 0, true);
+    struct method_message message = {.count = say(&rig, 0, value), .value = value};
+    begin(&rig, 2, 0, true);
+    assert_int_equal(rig.method->receive(rig.node[2], 0, 0, &message), DSE_OK);
+    assert_int_equal(rig.method->finish(rig.node[2], &rig.estimate[2]), DSE_OK);
+    assert_float_equal(rig.estimate[2].diagnostic[USED], 1, 0);
+    begin(&rig, 2, 1, true);
+    message.count = 2;
+    assert_int_equal(rig.method->receive(rig.node[2], 0, 0, &message), DSE_EDIM);
+    rig.method->finish(rig.node[2], &rig.estimate[2]);
+    /* Gamma = int beta eps (C x_0 - C x_2) dt over 0.1: eps = 1 - 7, C x_0 = 1, C x_2 = 7; the
+     * estimate moves meanwhile, so 3.6 is the start of it only */
+    assert_in_range((int64_t)(1000 * rig.estimate[2].diagnostic[0]), 2000, 3600);
+    assert_float_equal(rig.estimate[2].diagnostic[USED], 0, 0);
+    close_rig(&rig);
+}
+
+static void without_listeners_nobody_speaks(void **state)
+{
+    (void)state;
+    static struct rig rig;
+    double value[METHOD_MESSAGE_CAPACITY];
+    must_open(&rig, STAR FILTER "scheme: standard, gamma: 1}");
+    for (int i = 0; i < 4; i++) {
+        begin(&rig, i, 0, true);
+        assert_int_equal(say(&rig, i, value), i == 0 ? 3 : -1);
+    }
+    close_rig(&rig);
+}
+
+/* ---- observers ---- */
+
+#define CHAIN                                                                                      \
+    "graph: {nodes: 2, edges: [0, 1]}\n    distributed_observer: {states: [2], sensors: [3, 0], "  \
+    "gamma: 1, hold: -1, nodes: [{Lambda: [-1], L: [1], N: [1], Pi: [1], C2: [2]}, {Lambda: "      \
+    "[-1], L: [1], Pi: [1], C2: [1]}]}"
+
+static void observers_say_the_rows_in_which_they_are_compared(void **state)
+{
+    (void)state;
+    static struct rig rig;
+    double value[METHOD_MESSAGE_CAPACITY];
+    must_open(&rig, CHAIN);
+    assert_int_equal(rig.info[0].n_states, 1);
+    assert_int_equal(rig.info[0].states[0], 2);
+    begin(&rig, 0, 0, true);
+    begin(&rig, 1, 0, true);
+    assert_int_equal(say(&rig, 0, value), 1);
+    assert_float_equal(value[0], 2, 0); /* C2 (M z + N y) = 2 (0 + 1) */
+    struct method_message message = {.count = 1, .value = value};
+    assert_int_equal(rig.method->receive(rig.node[1], 0, 0, &message), DSE_OK);
+    assert_int_equal(rig.method->finish(rig.node[1], &rig.estimate[1]), DSE_OK);
+    assert_float_equal(rig.estimate[1].diagnostic[HEARD], 1, 0);
+    message.count = 2;
+    assert_int_equal(rig.method->receive(rig.node[1], 0, 0, &message), DSE_EDIM);
+    assert_int_equal(say(&rig, 1, value), -1); /* nobody listens */
+    close_rig(&rig);
+}
+
+static void an_observer_without_its_measurements_keeps_silent(void **state)
+{
+    (void)state;
+    static struct rig rig;
+    double value[METHOD_MESSAGE_CAPACITY];
+    must_open(&rig, CHAIN);
+    begin(&rig, 0, 0, false);
+    assert_int_equal(say(&rig, 0, value), -1);
+    rig.method->finish(rig.node[0], &rig.estimate[0]);
+    assert_int_equal(rig.estimate[0].health, DSE_HEALTH_INITIALISING);
+    begin(&rig, 0, 1, true);
+    assert_int_equal(say(&rig, 0, value), 1);
+    close_rig(&rig);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(keys_that_do_not_fit_are_refused),
+        cmocka_unit_test(a_filter_says_each_listener_what_its_sensors_would_see),
+        cmocka_unit_test(listeners_with_equal_sensors_are_told_once),
+        cmocka_unit_test(a_filter_takes_its_own_part_of_a_message),
+        cmocka_unit_test(without_listeners_nobody_speaks),
+        cmocka_unit_test(observers_say_the_rows_in_which_they_are_compared),
+        cmocka_unit_test(an_observer_without_its_measurements_keeps_silent),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
