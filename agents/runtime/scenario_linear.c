@@ -4,192 +4,33 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "runtime/scenario_internal.h"
-
-#define NAME_SIZE   32
-#define HANDLE_SIZE ((sizeof(void *) + sizeof(dse_real) - 1) / sizeof(dse_real))
-
-struct scenario_linear_plant {
-    struct dse_plant plant;
-    struct dse_linear_process process;
-    enum dse_time_kind time;
-    dse_real *numbers;            /* A, B, C, A_sin one after the other */
-    dse_real handle[HANDLE_SIZE]; /* the plant's constants: the address of this structure */
-    dse_real x0[DSE_PLANT_MAX_STATES];
-    struct dse_parameter_set set;
-    char time_unit[NAME_SIZE];
-    struct dse_signal states[DSE_PLANT_MAX_STATES];
-    struct dse_signal inputs[DSE_PLANT_MAX_INPUTS];
-    struct dse_signal outputs[DSE_PLANT_MAX_OUTPUTS];
-    char state_names[DSE_PLANT_MAX_STATES][NAME_SIZE];
-    char input_names[DSE_PLANT_MAX_INPUTS][NAME_SIZE];
-    char output_names[DSE_PLANT_MAX_OUTPUTS][NAME_SIZE];
-    struct dse_subsystem groups[DSE_PLANT_MAX_OUTPUTS];
-    char group_names[DSE_PLANT_MAX_OUTPUTS][NAME_SIZE];
-    int output_index[DSE_PLANT_MAX_OUTPUTS]; /* 0, 1, ..: groups are consecutive rows of C */
-    int state_index[DSE_PLANT_MAX_STATES];   /* likewise */
-};
-
-/* The section in the tree while the plant is made. */
-struct maker {
-    struct scenario_tree *tree;
-    int section;
-    struct error *error;
-    struct scenario_linear_plant *linear;
-};
-
-/* The node of a key of plant.linear, 0 where it is left out. */
-static int node_of(const struct maker *m, const char *key)
-{
-    const yaml_node_pair_t *pair = scenario_tree_pair(m->tree, m->section, key);
-    return pair != NULL ? pair->value : 0;
-}
-
-static const char *text_of(const struct maker *m, const char *key)
-{
-    int node = node_of(m, key);
-    return node != 0 ? scenario_tree_text(m->tree, node) : NULL;
-}
-
-static int count_of(const struct maker *m, const char *key)
-{
-    int node = node_of(m, key);
-    return node != 0 ? scenario_tree_count(m->tree, node) : 0;
-}
-
-static const char *item_of(const struct maker *m, const char *key, int i)
-{
-    return scenario_tree_text(m->tree, scenario_tree_item(m->tree, node_of(m, key), i));
-}
-
-static bool fail_count(const struct maker *m, const char *key, int wanted, const char *what,
-                       int rows, int columns)
-{
-    char path[SCENARIO_PATH_SIZE];
-    snprintf(path, sizeof path, "plant.linear.%s", key);
-    return scenario_fail(m->tree, scenario_tree_find(m->tree, path), path, m->error,
-                         "has %d values; it must have %d: %s = %d x %d, row by row",
-                         count_of(m, key), wanted, what, rows, columns);
-}
-
-/* nx, nu, ny; ny is the number of rows of C. */
-static bool read_dimensions(const struct maker *m)
-{
-    struct dse_plant *plant = &m->linear->plant;
-    const char *nu = text_of(m, "nu"), *unknown = text_of(m, "unknown");
-    plant->nx = atoi(text_of(m, "nx"));
-    plant->nu = nu != NULL ? atoi(nu) : 0;
-    plant->n_unknown = unknown != NULL ? atoi(unknown) : 0;
-    if (plant->n_unknown > plant->nu)
-        return scenario_fail(m->tree, node_of(m, "unknown"), "plant.linear.unknown", m->error,
-                             "%d of nu = %d inputs cannot be unknown", plant->n_unknown, plant->nu);
-    int count = count_of(m, "C");
-    plant->ny = count / plant->nx;
-    if (count_of(m, "A") != plant->nx * plant->nx)
-        return fail_count(m, "A", plant->nx * plant->nx, "nx x nx", plant->nx, plant->nx);
-    if (count_of(m, "B") != plant->nx * plant->nu)
-        return fail_count(m, "B", plant->nx * plant->nu, "nx x nu", plant->nx, plant->nu);
-    if (node_of(m, "A_sin") != 0 && count_of(m, "A_sin") != plant->nx * plant->nx)
-        return fail_count(m, "A_sin", plant->nx * plant->nx, "nx x nx", plant->nx, plant->nx);
-    if (count % plant->nx != 0)
-        return scenario_fail(m->tree, node_of(m, "C"), "plant.linear.C", m->error,
-                             "has %d values; it must have whole rows of nx = %d, one per output",
-                             count, plant->nx);
-    if (plant->ny > DSE_PLANT_MAX_OUTPUTS)
-        return scenario_fail(m->tree, node_of(m, "C"), "plant.linear.C", m->error,
-                             "has %d rows; it must have 1 to %d, one per output", plant->ny,
-                             DSE_PLANT_MAX_OUTPUTS);
-    return true;
-}
-
-/* The numbers of a list in their order; where the next list goes. */
-static dse_real *read_list(const struct maker *m, const char *key, dse_real *to)
-{
-    int count = count_of(m, key);
-    const char *wrong = NULL;
-    for (int i = 0; i < count; i++) {
-        double value = 0;
-        if (scenario_number(item_of(m, key, i), &value, &wrong))
-            *to++ = (dse_real)value;
-    }
-    return to;
-}
-
-static bool read_matrices(const struct maker *m)
-{
-    struct scenario_linear_plant *linear = m->linear;
-    const struct dse_plant *plant = &linear->plant;
-    const int count = plant->nx * (2 * plant->nx + plant->nu + plant->ny);
-    linear->numbers = calloc((size_t)count, sizeof *linear->numbers);
-    if (linear->numbers == NULL)
-        return error_set(m->error, "%s: out of memory", m->tree->file);
-    dse_real *B = read_list(m, "A", linear->numbers);
-    dse_real *C = read_list(m, "B", B);
-    dse_real *A_sin = read_list(m, "C", C);
-    linear->process.linear =
-        (struct dse_linear){.A = linear->numbers, .B = plant->nu > 0 ? B : NULL, .C = C};
-    if (read_list(m, "A_sin", A_sin) > A_sin)
-        linear->process.swing = A_sin;
-    return true;
-}
-
-/* The swing of A has its frequency, in rad/s, and is nothing without it. */
-static bool read_omega(const struct maker *m)
-{
-    struct scenario_linear_plant *linear = m->linear;
-    const char *omega = text_of(m, "omega"), *wrong = NULL;
-    double value = 0;
-    if (omega != NULL)
-        scenario_number(omega, &value, &wrong);
-    linear->process.omega = (dse_real)value * linear->plant.time_unit_s;
-    if ((omega != NULL) == (linear->process.swing != NULL))
-        return true;
-    return scenario_fail(m->tree, m->section, "plant.linear", m->error,
-                         "A_sin and omega belong together; one of them is missing");
-}
-
-/* The initial state of the only parameter set is the operating point. */
-static bool read_origin(const struct maker *m)
-{
-    struct scenario_linear_plant *linear = m->linear;
-    if (node_of(m, "origin") == 0)
-        return true;
-    if (count_of(m, "origin") != linear->plant.nx)
-        return scenario_fail(m->tree, node_of(m, "origin"), "plant.linear.origin", m->error,
-                             "has %d values; it must have nx = %d, one per state",
-                             count_of(m, "origin"), linear->plant.nx);
-    read_list(m, "origin", linear->x0);
-    for (int i = 0; i < linear->plant.nx; i++)
-        linear->states[i].nominal = linear->x0[i];
-    linear->process.origin = linear->x0;
-    return true;
-}
+#include "runtime/scenario_linear_internal.h"
 
 /* Signals x1, x2, .. without unit: nominal value 0, size 1. */
-static void name_signals(struct dse_signal *signals, char (*names)[NAME_SIZE], int count,
+static void name_signals(struct dse_signal *signals, char (*names)[LINEAR_NAME_SIZE], int count,
                          char letter)
 {
     for (int i = 0; i < count; i++) {
-        snprintf(names[i], NAME_SIZE, "%c%d", letter, i + 1);
+        snprintf(names[i], LINEAR_NAME_SIZE, "%c%d", letter, i + 1);
         signals[i] =
             (struct dse_signal){.name = names[i], .unit = "", .scale = 1, .title = names[i]};
     }
 }
 
-static bool rename_states(const struct maker *m)
+static bool rename_states(const struct linear_maker *m)
 {
     static const char allowed[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_";
     struct scenario_linear_plant *linear = m->linear;
-    int count = count_of(m, "states");
-    if (node_of(m, "states") == 0)
+    int count = linear_count(m, "states");
+    if (linear_node(m, "states") == 0)
         return true;
     if (count != linear->plant.nx)
-        return scenario_fail(m->tree, node_of(m, "states"), "plant.linear.states", m->error,
+        return scenario_fail(m->tree, linear_node(m, "states"), "plant.linear.states", m->error,
                              "has %d names; it must have nx = %d", count, linear->plant.nx);
     for (int i = 0; i < count; i++) {
         char path[64];
-        const char *name = item_of(m, "states", i);
-        int node = scenario_tree_item(m->tree, node_of(m, "states"), i);
+        const char *name = linear_item(m, "states", i);
+        int node = scenario_tree_item(m->tree, linear_node(m, "states"), i);
         snprintf(path, sizeof path, "plant.linear.states[%d]", i);
         if (name[strspn(name, allowed)] != '\0')
             return scenario_fail(m->tree, node, path, m->error,
@@ -198,31 +39,31 @@ static bool rename_states(const struct maker *m)
             if (strcmp(linear->state_names[other], name) == 0)
                 return scenario_fail(m->tree, node, path, m->error,
                                      "'%s' is the name of states[%d] too", name, other);
-        snprintf(linear->state_names[i], NAME_SIZE, "%s", name);
+        snprintf(linear->state_names[i], LINEAR_NAME_SIZE, "%s", name);
     }
     return true;
 }
 
 /* Who measures what. Unless blocks say so no state belongs to a group: what a node estimates is its
  * method's affair. */
-static bool cut_groups(const struct maker *m)
+static bool cut_groups(const struct linear_maker *m)
 {
     struct scenario_linear_plant *linear = m->linear;
     struct dse_plant *plant = &linear->plant;
-    const int node = node_of(m, "groups");
+    const int node = linear_node(m, "groups");
     int rows = 0;
-    plant->n_subsystems = node != 0 ? count_of(m, "groups") : 1;
+    plant->n_subsystems = node != 0 ? linear_count(m, "groups") : 1;
     for (int i = 0; i < plant->ny; i++)
         linear->output_index[i] = i;
     for (int g = 0; g < plant->n_subsystems; g++) {
-        int count = node != 0 ? atoi(item_of(m, "groups", g)) : plant->ny;
+        int count = node != 0 ? atoi(linear_item(m, "groups", g)) : plant->ny;
         if (rows + count <= plant->ny)
             linear->groups[g] =
                 (struct dse_subsystem){.name = linear->group_names[g],
                                        .states = linear->output_index,
                                        .n_outputs = count,
                                        .outputs = count > 0 ? linear->output_index + rows : NULL};
-        snprintf(linear->group_names[g], NAME_SIZE, "group %d", g + 1);
+        snprintf(linear->group_names[g], LINEAR_NAME_SIZE, "group %d", g + 1);
         rows += count;
     }
     if (rows == plant->ny)
@@ -232,22 +73,22 @@ static bool cut_groups(const struct maker *m)
 }
 
 /* Which states belong to which group: consecutive ones. */
-static bool cut_states(const struct maker *m)
+static bool cut_states(const struct linear_maker *m)
 {
     struct scenario_linear_plant *linear = m->linear;
     const struct dse_plant *plant = &linear->plant;
-    const int node = node_of(m, "blocks");
+    const int node = linear_node(m, "blocks");
     int states = 0;
     if (node == 0)
         return true;
-    if (count_of(m, "blocks") != plant->n_subsystems)
+    if (linear_count(m, "blocks") != plant->n_subsystems)
         return scenario_fail(m->tree, node, "plant.linear.blocks", m->error,
-                             "has %d values; it must have %d, one per group", count_of(m, "blocks"),
-                             plant->n_subsystems);
+                             "has %d values; it must have %d, one per group",
+                             linear_count(m, "blocks"), plant->n_subsystems);
     for (int i = 0; i < plant->nx; i++)
         linear->state_index[i] = i;
     for (int g = 0; g < plant->n_subsystems; g++) {
-        const int count = atoi(item_of(m, "blocks", g));
+        const int count = atoi(linear_item(m, "blocks", g));
         if (states + count <= plant->nx) {
             linear->groups[g].n_states = count;
             linear->groups[g].states = linear->state_index + (count > 0 ? states : 0);
@@ -260,14 +101,14 @@ static bool cut_states(const struct maker *m)
                          "counts %d states; there are nx = %d", states, plant->nx);
 }
 
-static void set_time(const struct maker *m)
+static void set_time(const struct linear_maker *m)
 {
     static const struct {
         double seconds;
         const char *unit;
     } units[] = {{1, "s"}, {60, "min"}, {3600, "h"}, {86400, "d"}};
     struct scenario_linear_plant *linear = m->linear;
-    const char *time = text_of(m, "time"), *unit = text_of(m, "unit_s"), *wrong = NULL;
+    const char *time = linear_text(m, "time"), *unit = linear_text(m, "unit_s"), *wrong = NULL;
     double seconds = 1;
     if (unit != NULL)
         scenario_number(unit, &seconds, &wrong);
@@ -305,7 +146,7 @@ static void fill_plant(struct scenario_linear_plant *linear)
     plant->n_sets = 1;
     plant->sets = &linear->set;
     plant->subsystems = linear->groups;
-    plant->prepared_size = (int)HANDLE_SIZE;
+    plant->prepared_size = (int)LINEAR_HANDLE_SIZE;
     plant->constants = linear->handle;
     plant->model = fill_model;
     name_signals(linear->states, linear->state_names, plant->nx, 'x');
@@ -317,16 +158,17 @@ struct scenario_linear_plant *scenario_linear_make(struct scenario_tree *tree, i
                                                    struct error *error)
 {
     struct scenario_linear_plant *linear = calloc(1, sizeof *linear);
-    const struct maker maker = {.tree = tree, .section = section, .error = error, .linear = linear};
+    const struct linear_maker maker = {
+        .tree = tree, .section = section, .error = error, .linear = linear};
     if (linear == NULL) {
         error_set(error, "%s: out of memory", tree->file);
         return NULL;
     }
-    if (read_dimensions(&maker) && read_matrices(&maker)) {
+    if (linear_read_matrices(&maker)) {
         set_time(&maker);
         fill_plant(linear);
-        if (read_omega(&maker) && read_origin(&maker) && rename_states(&maker) &&
-            cut_groups(&maker) && cut_states(&maker))
+        if (linear_read_point(&maker) && rename_states(&maker) && cut_groups(&maker) &&
+            cut_states(&maker))
             return linear;
     }
     scenario_linear_free(linear);
