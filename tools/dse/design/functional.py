@@ -10,10 +10,11 @@ law. A node may give R, Z and Z1.
 """
 
 import argparse
+import sys
 from pathlib import Path
 
 from dse.design import descriptor_file, functional_matrices, observer_section
-from dse.design.algebra import Infeasible
+from dse.design.algebra import Floats, Infeasible
 from dse.design.observer_section import Coupling, ObserverNode
 from dse.design.uio import coupling_arguments
 from dse.errors import UserError
@@ -53,7 +54,17 @@ def run(options: argparse.Namespace) -> int:
             nodes.append(form(plant, node, options.pole, options.law == "consistent"))
         except Infeasible as error:
             raise UserError(f"{plant.path}: node {i}: no such observer: {error}") from None
-    coupling = Coupling("own", options.gain, options.gamma, options.leak)
+    states = picked(plant.L)
+    if states is None:
+        print("functionals are no plant states: a scenario cannot show them", file=sys.stderr)
+    coupling = Coupling("own", options.gain, options.gamma, options.leak, states)
     head = f"functional observers of {plant.path.name}, {options.law} law"
     observer_section.write(options.output, observer_section.text(head, coupling, nodes))
     return 0
+
+
+def picked(L: Floats) -> list[int] | None:
+    """The states that L = [unit rows] picks; None when a functional is not a plant state."""
+    states = [int(row.argmax()) for row in L]
+    unit = all(row[k] == 1 and abs(row).sum() == 1 for row, k in zip(L, states, strict=True))
+    return states if unit else None

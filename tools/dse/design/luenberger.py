@@ -64,8 +64,7 @@ def run(options: argparse.Namespace) -> int:
             ", discrete: for nodes without neighbours, or gains of the distributed Kalman filter"
         )
     coupling = Coupling("own", options.gain, options.gamma, options.leak)
-    time = "discrete" if plant.discrete else None
-    observer_section.write(options.output, observer_section.text(head, coupling, nodes, time))
+    observer_section.write(options.output, observer_section.text(head, coupling, nodes))
     return 0
 
 

@@ -1,11 +1,11 @@
 """The scenario section `distributed_observer` as `dse design` writes it.
 
     distributed_observer:
-      time: discrete            left out: continuous
       residual: neighbours      or own: whose residual teaches the gains
       gain: edge                or node
       gamma: 0.01               adaptation rate
       leak: 0.01                left out: none
+      states: [2]               plant states that functionals pick; left out: all
       nodes:
         - Lambda: [..]          z' = Lambda z + L y + H u + coupling      nz x nz
           L: [..]               nz x ny, y as the node's sensors give it
@@ -68,18 +68,18 @@ class Coupling:
     gain: str
     gamma: float
     leak: float = 0.0
+    states: list[int] | None = None
 
 
-def text(head: str, coupling: Coupling, nodes: list[ObserverNode], time: str | None = None) -> str:
+def text(head: str, coupling: Coupling, nodes: list[ObserverNode]) -> str:
     """The YAML file; head goes into comments."""
     lines = [f"# {line}".rstrip() for line in head.splitlines()]
-    lines.append("distributed_observer:")
-    if time is not None:
-        lines.append(f"  time: {time}")
-    lines.append(f"  residual: {coupling.residual}")
+    lines += ["distributed_observer:", f"  residual: {coupling.residual}"]
     lines += [f"  gain: {coupling.gain}", f"  gamma: {_number(coupling.gamma)}"]
     if coupling.leak > 0:
         lines.append(f"  leak: {_number(coupling.leak)}")
+    if coupling.states is not None:
+        lines.append(f"  states: {coupling.states}")
     lines.append("  nodes:")
     for node in nodes:
         lead = "    - "
