@@ -15,7 +15,7 @@ enum dse_status dkf_plant(const struct dse_dkf *dkf, dse_real t, const dse_real 
     }
     if (model->f != NULL)
         return model->f(model, t, x, dkf->u, dx);
-    dse_mat_vec(dkf->nx, dkf->nx, A, x, dx);
+    dkf_apply(dkf->nx, dkf->nx, A, x, dx);
     return DSE_OK;
 }
 
@@ -78,19 +78,14 @@ enum dse_status dse_dkf_begin(struct dse_dkf *dkf, dse_real t, const dse_real *u
     return take_channels(dkf, measurement);
 }
 
-static bool full_messages(const struct dse_dkf *dkf)
-{
-    return dkf->config->message == DSE_DKF_FULL || dkf->config->scheme == DSE_DKF_STANDARD;
-}
-
 int dse_dkf_message(const struct dse_dkf *dkf, int listener, dse_real *message)
 {
     const int n = dkf->nx;
     if (listener < 0 || listener >= dkf->config->n_listeners)
         return 0;
-    if (!full_messages(dkf)) {
+    if (!dkf->full) {
         const struct dse_dkf_sensor *sensor = &dkf->config->listeners[listener];
-        dse_mat_vec(sensor->ny, n, sensor->C, dkf->now, message); /* C_j xh_i */
+        dkf_apply(sensor->ny, n, sensor->C, dkf->now, message); /* C_j xh_i */
         return sensor->ny;
     }
     for (int i = 0; i < n; i++)
@@ -100,7 +95,7 @@ int dse_dkf_message(const struct dse_dkf *dkf, int listener, dse_real *message)
 
 int dse_dkf_message_size(const struct dse_dkf *dkf)
 {
-    return full_messages(dkf) ? dkf->nx : dkf->ny;
+    return dkf->full ? dkf->nx : dkf->ny;
 }
 
 static void come_back(struct dse_dkf *dkf, int neighbour)
@@ -117,10 +112,11 @@ enum dse_status dse_dkf_receive(struct dse_dkf *dkf, int neighbour, const dse_re
 {
     if (neighbour < 0 || neighbour >= dkf->config->n_neighbours)
         return DSE_EINVAL;
-    if (count != dse_dkf_message_size(dkf) || !dse_all_finite(message, count)) {
+    const bool fits = count == dse_dkf_message_size(dkf);
+    if (!fits || !dse_all_finite(message, count)) {
         dkf->counts.refused++;
         dkf->refused = true;
-        return count != dse_dkf_message_size(dkf) ? DSE_EDIM : DSE_ENONFINITE;
+        return fits ? DSE_ENONFINITE : DSE_EDIM;
     }
     if (dkf->age[neighbour] < 0)
         come_back(dkf, neighbour);
@@ -128,7 +124,7 @@ enum dse_status dse_dkf_receive(struct dse_dkf *dkf, int neighbour, const dse_re
     dkf->counts.heard++;
     dse_real *said = dkf->said + neighbour * dkf->width;
     if (count != dkf->width) { /* a whole state, of which this node looks at its own outputs */
-        dse_mat_vec(dkf->ny, dkf->nx, dkf->config->sensor.C, message, said);
+        dkf_apply(dkf->ny, dkf->nx, dkf->config->sensor.C, message, said);
         return DSE_OK;
     }
     for (int l = 0; l < count; l++)

@@ -47,19 +47,21 @@ struct step {
 
 /* dX = F + F' + Q - U' T, each element computed once: X stays symmetric bit for bit. Q, or U and T
  * (m x n) may be NULL. */
-static void symmetric_rate(int n, int m, const dse_real *F, const dse_real *Q, const dse_real *U,
-                           const dse_real *T, dse_real *dX)
+static void symmetric_rate(int n, int m, const dse_real *restrict F, const dse_real *restrict Q,
+                           const dse_real *restrict U, const dse_real *restrict T,
+                           dse_real *restrict dX)
 {
     for (int i = 0; i < n; i++) {
-        for (int j = i; j < n; j++) {
-            dse_real rate = F[i * n + j] + F[j * n + i];
-            if (Q != NULL)
-                rate += Q[i * n + j];
-            for (int l = 0; l < m; l++)
-                rate -= U[l * n + i] * T[l * n + j];
-            dX[i * n + j] = rate;
-            dX[j * n + i] = rate;
-        }
+        dse_real *row = dX + i * n;
+        for (int j = i; j < n; j++)
+            row[j] = F[i * n + j] + F[j * n + i];
+        for (int j = i; Q != NULL && j < n; j++)
+            row[j] += Q[i * n + j];
+        for (int l = 0; l < m; l++)
+            for (int j = i; j < n; j++)
+                row[j] -= U[l * n + i] * T[l * n + j];
+        for (int j = i + 1; j < n; j++)
+            dX[j * n + i] = row[j];
     }
 }
 
@@ -68,9 +70,9 @@ static void riccati_rate(const struct dse_dkf *dkf, struct workspace *w, const d
                          dse_real *dP)
 {
     const int n = dkf->nx, m = dkf->ny;
-    dse_mat_mul(n, n, n, w->A, P, w->AP);
-    dse_mat_mul(m, n, n, dkf->config->sensor.C, P, w->CP);
-    dse_mat_mul(m, m, n, dkf->R_present, w->CP, w->T);
+    dkf_product(n, n, n, w->A, P, w->AP);
+    dkf_product(m, n, n, dkf->config->sensor.C, P, w->CP);
+    dkf_product(m, m, n, dkf->R_present, w->CP, w->T);
     symmetric_rate(n, m, w->AP, dkf->config->Q, w->CP, w->T, dP);
 }
 
@@ -81,8 +83,8 @@ static void lyapunov_rate(const struct dse_dkf *dkf, struct workspace *w, const 
 {
     const int n = dkf->nx, m = dkf->ny;
     const dse_real *K = dkf->config->K;
-    dse_mat_mul(n, n, n, w->A, W, w->AP);
-    dse_mat_mul(m, n, n, dkf->config->sensor.C, W, w->CP);
+    dkf_product(n, n, n, w->A, W, w->AP);
+    dkf_product(m, n, n, dkf->config->sensor.C, W, w->CP);
     for (int i = 0; i < n; i++)
         for (int l = 0; l < m; l++) /* (A - K C) W */
             dse_axpy(n, K != NULL ? -K[i * m + l] : -w->T[l * n + i], w->CP + l * n, w->AP + i * n);
@@ -90,10 +92,12 @@ static void lyapunov_rate(const struct dse_dkf *dkf, struct workspace *w, const 
 }
 
 /* dx += M' v for M m x n: gains of the form P C' = (C P)'. */
-static void add_transposed(int m, int n, const dse_real *M, const dse_real *v, dse_real *dx)
+static void add_transposed(int m, int n, const dse_real *restrict M, const dse_real *restrict v,
+                           dse_real *restrict dx)
 {
     for (int l = 0; l < m; l++)
-        dse_axpy(n, v[l], M + l * n, dx);
+        for (int i = 0; i < n; i++)
+            dx[i] += v[l] * M[l * n + i];
 }
 
 /* dx += a M v for M n x m. */
@@ -101,7 +105,8 @@ static void add_product(int n, int m, dse_real a, const dse_real *M, const dse_r
                         dse_real *dx)
 {
     for (int i = 0; i < n; i++)
-        dx[i] += a * dse_dot(m, M + i * m, v);
+        for (int l = 0; l < m; l++)
+            dx[i] += a * M[i * m + l] * v[l];
 }
 
 /* dx += K eps + gamma D q, of which the parts that are P C' times something; needs C P. */
@@ -109,9 +114,10 @@ static void pull_by_covariance(const struct dse_dkf *dkf, struct workspace *w, d
 {
     const struct dse_dkf_config *config = dkf->config;
     const int n = dkf->nx, m = dkf->ny;
-    dse_mat_vec(m, m, dkf->R_present, w->eps, w->pull); /* K eps = P C' R^-1 eps */
+    dkf_apply(m, m, dkf->R_present, w->eps, w->pull); /* K eps = P C' R^-1 eps */
     if (dkf->n_gains > 0 && config->direction == DSE_DKF_COVARIANCE)
-        dse_axpy(m, config->gamma, w->q, w->pull); /* D q = P C' q */
+        for (int l = 0; l < m; l++)
+            w->pull[l] += config->gamma * w->q[l]; /* D q = P C' q */
     if (dkf->n_gains > 0 && config->direction == DSE_DKF_GAIN)
         add_product(m, m, config->gamma, dkf->R_inverse, w->q, w->pull); /* D q = P C' R^-1 q */
     add_transposed(m, n, w->CP, w->pull, dx);
@@ -124,7 +130,7 @@ static void couple(const struct dse_dkf *dkf, struct workspace *w, const dse_rea
     const int m = dkf->ny;
     const dse_real *eps = w->eps;
     if (dkf->config->direction == DSE_DKF_GAIN) {
-        dse_mat_vec(m, m, dkf->R_present, w->eps, w->pull);
+        dkf_apply(m, m, dkf->R_present, w->eps, w->pull);
         eps = w->pull;
     }
     dkf_couple(dkf, gains, w->Cx, eps, w->d, w->q, dgains);

@@ -5,13 +5,20 @@
 void dkf_residual(const struct dse_dkf *dkf, const dse_real *x, dse_real *Cx, dse_real *eps)
 {
     const int m = dkf->ny;
-    dse_mat_vec(m, dkf->nx, dkf->config->sensor.C, x, Cx);
+    dkf_apply(m, dkf->nx, dkf->config->sensor.C, x, Cx);
     for (int l = 0; l < m; l++)
         eps[l] = dkf->has[l] != 0 ? dkf->y[l] - Cx[l] : 0;
 }
 
+static void stay(int count, dse_real *dgain)
+{
+    for (int k = 0; k < count; k++)
+        dgain[k] = 0;
+}
+
 /* q += Gamma d. */
-static void act(int m, const dse_real *gain, const dse_real *d, dse_real *q)
+static void act(int m, const dse_real *restrict gain, const dse_real *restrict d,
+                dse_real *restrict q)
 {
     for (int r = 0; r < m; r++)
         for (int c = 0; c < m; c++)
@@ -20,21 +27,42 @@ static void act(int m, const dse_real *gain, const dse_real *d, dse_real *q)
 
 /* Gamma' = beta eps d' - sigma Gamma                                                       (2.5)
  * Rows of channels without a value stay. */
-static void adapt(const struct dse_dkf *dkf, const dse_real *gain, const dse_real *eps,
-                  const dse_real *d, dse_real *dgain)
+static void adapt(const struct dse_dkf *dkf, const dse_real *restrict gain,
+                  const dse_real *restrict eps, const dse_real *restrict d,
+                  dse_real *restrict dgain)
 {
     const int m = dkf->ny;
-    const dse_real sigma = dkf->config->sigma;
-    for (int r = 0; r < m; r++)
+    for (int r = 0; r < m; r++) {
+        const dse_real push = dkf->adapts[r] * dkf->rate * eps[r];
+        const dse_real leak = dkf->adapts[r] * dkf->config->sigma;
         for (int c = 0; c < m; c++)
-            dgain[r * m + c] =
-                dkf->adapts[r] != 0 ? dkf->rate * eps[r] * d[c] - sigma * gain[r * m + c] : 0;
+            dgain[r * m + c] = push * d[c] - leak * gain[r * m + c];
+    }
 }
 
-static void stay(int count, dse_real *dgain)
+/* Gains never adapt with an old word, which does not belong to this residual. */
+static bool is_fresh(dse_real age)
 {
-    for (int k = 0; k < count; k++)
-        dgain[k] = 0;
+    return age == 0;
+}
+
+/* One output: the loop over all neighbours without anything inside. */
+static void couple_scalar_edges(const struct dse_dkf *dkf, const dse_real *restrict gains,
+                                dse_real Cx, dse_real eps, dse_real *restrict q,
+                                dse_real *restrict dgains)
+{
+    const int count = dkf->config->n_neighbours;
+    const dse_real *restrict said = dkf->said, *restrict age = dkf->age;
+    const dse_real push = dkf->adapts[0] * dkf->rate * eps;
+    const dse_real leak = dkf->adapts[0] * dkf->config->sigma;
+    dse_real sum = 0;
+    for (int j = 0; j < count; j++) {
+        const dse_real d = said[j] - Cx;
+        sum += age[j] >= 0 ? gains[j] * d : 0;
+        if (dgains != NULL)
+            dgains[j] = is_fresh(age[j]) ? push * d - leak * gains[j] : 0;
+    }
+    *q = sum;
 }
 
 static void couple_edges(const struct dse_dkf *dkf, const dse_real *gains, const dse_real *Cx,
@@ -51,7 +79,7 @@ static void couple_edges(const struct dse_dkf *dkf, const dse_real *gains, const
         }
         if (dgains == NULL)
             continue;
-        if (age == 0) /* never with an old word: it does not belong to this residual */
+        if (is_fresh(age))
             adapt(dkf, gain, eps, d, dgains + j * square);
         else
             stay(square, dgains + j * square);
@@ -70,10 +98,10 @@ static void couple_sum(const struct dse_dkf *dkf, const dse_real *gains, const d
         const dse_real *said = dkf->said + j * m;
         if (dkf->age[j] < 0)
             continue;
-        any = any || dkf->age[j] == 0;
+        any = any || is_fresh(dkf->age[j]);
         for (int l = 0; l < m; l++) {
             used[l] += said[l] - Cx[l];
-            if (dkf->age[j] == 0)
+            if (is_fresh(dkf->age[j]))
                 fresh[l] += said[l] - Cx[l];
         }
     }
@@ -90,7 +118,9 @@ void dkf_couple(const struct dse_dkf *dkf, const dse_real *gains, const dse_real
                 const dse_real *eps, dse_real *d, dse_real *q, dse_real *dgains)
 {
     stay(dkf->ny, q);
-    if (dkf->config->scheme == DSE_DKF_EDGE)
+    if (dkf->config->scheme == DSE_DKF_EDGE && dkf->ny == 1)
+        couple_scalar_edges(dkf, gains, Cx[0], eps[0], q, dgains);
+    else if (dkf->config->scheme == DSE_DKF_EDGE)
         couple_edges(dkf, gains, Cx, eps, d, q, dgains);
     else if (dkf->n_gains > 0)
         couple_sum(dkf, gains, Cx, eps, d, q, dgains);

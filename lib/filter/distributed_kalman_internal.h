@@ -28,6 +28,45 @@ static inline struct dkf_parts dkf_parts(const struct dse_dkf *dkf, dse_real *st
                               .gains = W + (dkf->lyapunov ? square : 0)};
 }
 
+/* ---- products of a few rows and columns ----
+ * The kernels of dse/linalg.h pay from this many columns on; below, calling them costs more than
+ * the work. A node has 2 to 10 states. */
+#define DKF_WIDE 8
+
+/* y (m) = M (m x n) x. */
+static inline void dkf_apply(int m, int n, const dse_real *restrict M, const dse_real *restrict x,
+                             dse_real *restrict y)
+{
+    if (n >= DKF_WIDE) {
+        dse_mat_vec(m, n, M, x, y);
+        return;
+    }
+    for (int i = 0; i < m; i++) {
+        dse_real sum = 0;
+        for (int j = 0; j < n; j++)
+            sum += M[i * n + j] * x[j];
+        y[i] = sum;
+    }
+}
+
+/* Z (m x n) = X (m x k) Y (k x n). */
+static inline void dkf_product(int m, int k, int n, const dse_real *restrict X,
+                               const dse_real *restrict Y, dse_real *restrict Z)
+{
+    if (n >= DKF_WIDE) {
+        dse_mat_mul(m, k, n, X, Y, Z);
+        return;
+    }
+    for (int i = 0; i < m; i++) {
+        for (int j = 0; j < n; j++) {
+            dse_real sum = 0;
+            for (int p = 0; p < k; p++)
+                sum += X[i * k + p] * Y[p * n + j];
+            Z[i * n + j] = sum;
+        }
+    }
+}
+
 /* The next `count` reals of a scratch. */
 static inline dse_real *dkf_take(dse_real **scratch, int count)
 {

@@ -52,14 +52,18 @@ static bool numbers_in_range(const struct dse_dkf_config *config)
            (discrete ? config->sigma < 1 : config->period > 0 && dse_is_finite(config->period));
 }
 
+static bool says_whole_states(const struct dse_dkf_config *config)
+{
+    return config->message == DSE_DKF_FULL || config->scheme == DSE_DKF_STANDARD;
+}
+
 static bool sensors_are_there(const struct dse_dkf_config *config)
 {
-    const bool full = config->message == DSE_DKF_FULL || config->scheme == DSE_DKF_STANDARD;
     if (config->sensor.ny < 0 || (config->sensor.ny > 0 && config->sensor.C == NULL))
         return false;
     if (config->n_neighbours < 0 || config->n_listeners < 0)
         return false;
-    if (full || config->n_listeners == 0)
+    if (says_whole_states(config) || config->n_listeners == 0)
         return true;
     if (config->listeners == NULL)
         return false;
@@ -217,6 +221,7 @@ enum dse_status dse_dkf_init(struct dse_dkf *dkf, const struct dse_dkf_config *c
         .riccati = config->K == NULL,
         .lyapunov = adaptive(config) && config->direction == DSE_DKF_LYAPUNOV,
         .discrete = is_discrete(config),
+        .full = says_whole_states(config),
         .width = config->scheme == DSE_DKF_STANDARD ? n : m,
         .health = DSE_HEALTH_INITIALISING,
     };

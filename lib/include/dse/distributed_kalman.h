@@ -147,6 +147,7 @@ struct dse_dkf {
     int n_state;         /* reals of `now` */
     dse_real rate;       /* of the law: beta, discrete: gamma beta */
     bool riccati, lyapunov, discrete;
+    bool full; /* messages are whole states */
     dse_real t;
     const dse_real *u;
 
