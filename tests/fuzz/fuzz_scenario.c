@@ -16,12 +16,18 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-/* The reader needs a method's section only, not the method. */
+static int nodes(const struct method_setup *setup)
+{
+    return setup->process->n_subsystems;
+}
+
+/* The reader needs a method's section and its number of nodes only, not the method. */
 static const struct method section_only = {.name = "high_gain_ekf",
                                            .title = "section only",
                                            .fields = high_gain_ekf_fields,
                                            .section_size = sizeof(struct high_gain_ekf_section),
-                                           .rules = high_gain_ekf_rules};
+                                           .rules = high_gain_ekf_rules,
+                                           .nodes = nodes};
 
 const struct method *method_at(int i)
 {
