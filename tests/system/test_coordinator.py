@@ -244,3 +244,56 @@ def test_a_plant_that_misses_the_coordinator_names_the_program(stage: Stage, url
     said = stage.run(dse("dse-plant"), "cdm-e1", "--lcm-url", url, "--wait", 3).with_code(1)
     assert "node 3 of network price (and others) did not join within 3 s" in said.err
     assert "start it with: dse-coordinator " in said.err
+
+
+@pytest.mark.parametrize(
+    ("scenario", "change", "said"),
+    [
+        ("cdm-e1", "Hmin=11", "coordinated_mhe.Hmin: 11 is more than Hp = 10"),
+        ("cdm-e1", "anderson=8", "coordinated_mhe.anderson: it goes with scheme prediction only"),
+        ("cdm-e1", "Hp=100", "make a message of 2701 numbers; at most 2048 fit"),
+        ("cdm-e1", "origin=[0, 0, 0, 0, 0, 0, 0, 0, 0]", "origin is no steady state of plant"),
+        ("cdm-e1", "scheme=x", "is not one of: prediction, price, decentralised, centralised"),
+    ],
+)
+def test_a_section_that_makes_no_sense_is_refused(
+    scenario: str, change: str, said: str, stage: Stage
+) -> None:
+    changed = f"networks.price.coordinated_mhe.{change}"
+    ended = stage.run(dse("dse-run"), scenario, "--dry-run", "--set", changed).with_code(2)
+    assert said in ended.err
+
+
+def test_a_nonlinear_plant_needs_a_steady_state_to_be_linearised_at(
+    stage: Stage, tmp_path: Path
+) -> None:
+    scenario = tmp_path / "no_origin.yaml"
+    scenario.write_text(
+        "name: no_origin\n"
+        "time: {period_s: 18, duration_s: 180}\n"
+        "plant: {name: cstr2}\n"
+        "networks:\n"
+        "  - name: one\n"
+        "    coordinated_mhe: {scheme: centralised, Hp: 5, Hmin: 3, Q: [1, 1, 1, 1], R: [1, 1]}\n"
+    )
+    ended = stage.run(dse("dse-run"), scenario, "--dry-run").with_code(2)
+    assert "networks.one.coordinated_mhe.origin is missing" in ended.err
+
+
+def test_a_deadline_that_nobody_can_meet_ends_every_sample_with_what_there_is(
+    stage: Stage, url: str, tmp_path: Path
+) -> None:
+    """Real time a million times too fast: estimates all the same, and they say what they are."""
+    log = tmp_path / "late.lcm"
+    stage.run(
+        dse("dse-run"), "cdm-e5", *SHORT, "--pace", "realtime", "--speed", 1e6,
+        "--lcm-url", url, "--log", log, "--quiet",
+    ).with_code(0)  # fmt: skip
+    run = read(log)
+    for network in (0, 1):
+        *agents, coordinator = run.networks[network].nodes
+        assert not (coordinator.estimates.diagnostic[2:, 1] == CONVERGED).any()
+        for agent in agents:
+            assert agent.estimates.sample.tolist() == list(range(30))
+            assert np.isfinite(agent.estimates.value).all()
+            assert not (agent.estimates.diagnostic[2:, 1] == CONVERGED).any()
