@@ -190,6 +190,11 @@ bool high_gain_ekf_take_plant(struct high_gain_ekf_node *node, const struct meth
     setup->process->normal_form(setup->prepared, &node->whole_form);
     node->model = node->whole_model;
     node->form = node->whole_form;
+    if (node->form.encode == NULL && node->section->coordinates != DSE_HIGH_GAIN_PHYSICAL)
+        return error_set(error,
+                         "%s: networks.%s.high_gain_ekf.coordinates: plant %s has no normal form "
+                         "with these parameters; use physical",
+                         setup->scenario->file, setup->network->name, setup->process->name);
     if ((setup->graph != NULL && !graph_fits(setup, error)) ||
         !choose_blocks(node, setup, &blocks, error) || !prepare_predictor(node, setup, error))
         return false;

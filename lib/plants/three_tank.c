@@ -17,7 +17,13 @@
  *
  * The estimators' model takes the flows as going towards tank 2, as its normal form does, and
  * every square root at no less than 0.01 cm. For the rig itself the parameter `reverse` lets the
- * flows follow the sign of the level difference (6.1) and stops the outflow of an empty tank. */
+ * flows follow the sign of the level difference (6.1) and stops the outflow of an empty tank.
+ *
+ * Nine solenoid valves, open or shut, make other plants of it (6.1, Fig 6.1): v1 to v3 in the pipes
+ * between tanks 1 and 2 at the bottom, in the middle and at the top, v4 to v6 in those between
+ * tanks 3 and 2, v7 to v9 in the drains. The source does not say which ones are where, nor how high
+ * the pipes are: this numbering, the heights and the same coefficient for the pipes of a side are
+ * ours. The equations above are those with the bottom pipes and the drains open. */
 #include "dse/plant.h"
 
 #include <stddef.h>
@@ -47,7 +53,8 @@ static const struct dse_signal outputs[OUTPUTS] = {
     [Y3] = {"y3", "cm", DSE_REAL(56.93), DSE_REAL(5), "measured level of tank 3"},
 };
 
-enum { A_P1, A_P2, A_D1, A_D2, A_D3, B_1, B_2, AREA, AREA_P, AREA_D, G, REVERSE, PARAMETERS };
+enum { A_P1, A_P2, A_D1, A_D2, A_D3, B_1, B_2, AREA, AREA_P, AREA_D, G, REVERSE };
+enum { H_MIDDLE = REVERSE + 1, H_TOP, V_1, V_4 = V_1 + 3, V_7 = V_4 + 3, PARAMETERS = V_7 + 3 };
 
 static const struct dse_parameter parameters[PARAMETERS] = {
     [A_P1] = {"ap1", "s/min", DSE_REAL(1e-3), DSE_REAL(1e3), "outflow coefficient, tank 1 to 2"},
@@ -63,13 +70,26 @@ static const struct dse_parameter parameters[PARAMETERS] = {
     [G] = {"g", "cm/s2", DSE_REAL(900), DSE_REAL(1000), "gravity"},
     [REVERSE] = {"reverse", "", DSE_REAL(0), DSE_REAL(1),
                  "1: flows between tanks follow the sign of the difference; 0: towards tank 2"},
+    [H_MIDDLE] = {"hm", "cm", DSE_REAL(0), DSE_REAL(1e3), "height of the middle pipes"},
+    [H_TOP] = {"ht", "cm", DSE_REAL(0), DSE_REAL(1e3), "height of the top pipes"},
+    [V_1] = {"v1", "", DSE_REAL(0), DSE_REAL(1),
+             "valve, tank 1 to 2 at the bottom: 1 open, 0 shut"},
+    [V_1 + 1] = {"v2", "", DSE_REAL(0), DSE_REAL(1), "valve, tank 1 to 2 in the middle"},
+    [V_1 + 2] = {"v3", "", DSE_REAL(0), DSE_REAL(1), "valve, tank 1 to 2 at the top"},
+    [V_4] = {"v4", "", DSE_REAL(0), DSE_REAL(1), "valve, tank 3 to 2 at the bottom"},
+    [V_4 + 1] = {"v5", "", DSE_REAL(0), DSE_REAL(1), "valve, tank 3 to 2 in the middle"},
+    [V_4 + 2] = {"v6", "", DSE_REAL(0), DSE_REAL(1), "valve, tank 3 to 2 at the top"},
+    [V_7] = {"v7", "", DSE_REAL(0), DSE_REAL(1), "valve, drain of tank 1"},
+    [V_7 + 1] = {"v8", "", DSE_REAL(0), DSE_REAL(1), "valve, drain of tank 2"},
+    [V_7 + 2] = {"v9", "", DSE_REAL(0), DSE_REAL(1), "valve, drain of tank 3"},
 };
 
 #define COMMON                                                                                     \
     [A_P1] = DSE_REAL(3.43), [A_P2] = DSE_REAL(3.43), [A_D1] = DSE_REAL(18.15),                    \
     [A_D3] = DSE_REAL(18.98), [B_1] = DSE_REAL(4.56e-4), [B_2] = DSE_REAL(4.16e-4),                \
     [AREA] = DSE_REAL(154), [AREA_P] = DSE_REAL(0.5), [AREA_D] = DSE_REAL(0.5),                    \
-    [G] = DSE_REAL(981)
+    [G] = DSE_REAL(981), [H_MIDDLE] = DSE_REAL(30), [H_TOP] = DSE_REAL(60), [V_1] = DSE_REAL(1),   \
+    [V_4] = DSE_REAL(1), [V_7] = DSE_REAL(1), [V_7 + 1] = DSE_REAL(1), [V_7 + 2] = DSE_REAL(1)
 
 static const dse_real values_identified[PARAMETERS] = {
     COMMON, [A_D2] = DSE_REAL(7.78), [REVERSE] = DSE_REAL(0)};
@@ -98,6 +118,26 @@ static const struct dse_subsystem subsystems[] = {
 
 /* ---- derived constants ---- */
 
+/* A flow that is half reversed is no flow, a solenoid valve is open or shut. */
+static int is_whole(dse_real value)
+{
+    return !(value > 0 && value < 1);
+}
+
+/* The pipes above the bottom: p as of the bottom pipe of their side where their valve is open. */
+static void prepare_upper(const dse_real *p, dse_real speed, struct dse_tanks *tanks)
+{
+    tanks->is_open = 0;
+    for (int h = 0; h < 2; h++) {
+        tanks->height[h] = p[H_MIDDLE + h];
+        for (int side = 0; side < 2; side++) {
+            const dse_real valve = p[(side == 0 ? V_1 : V_4) + 1 + h];
+            tanks->upper[side][h] = valve * p[A_P1 + side] * p[AREA_P] * speed;
+            tanks->is_open = valve > 0 ? 1 : tanks->is_open;
+        }
+    }
+}
+
 static enum dse_status prepare(const dse_real *p, dse_real *prepared)
 {
     for (int k = 0; k < PARAMETERS; k++) {
@@ -108,15 +148,18 @@ static enum dse_status prepare(const dse_real *p, dse_real *prepared)
     struct dse_tanks *tanks = (struct dse_tanks *)prepared;
     const dse_real speed = 60 * dse_sqrt(2 * p[G]) / p[AREA]; /* s/min to h, sqrt(2g)/S */
     for (int k = 0; k < 2; k++) {
-        tanks->p[k] = p[A_P1 + k] * p[AREA_P] * speed;
+        tanks->p[k] = p[k == 0 ? V_1 : V_4] * p[A_P1 + k] * p[AREA_P] * speed;
         tanks->b[k] = DSE_REAL(60e6) * p[B_1 + k] / p[AREA];
     }
     for (int k = 0; k < 3; k++) {
-        tanks->d[k] = p[A_D1 + k] * p[AREA_D] * speed;
+        tanks->d[k] = p[V_7 + k] * p[A_D1 + k] * p[AREA_D] * speed;
     }
     tanks->reverse = p[REVERSE];
-    /* a flow that is half reversed is no flow */
-    const int whole = !(p[REVERSE] > 0 && p[REVERSE] < 1);
+    prepare_upper(p, speed, tanks);
+    int whole = is_whole(p[REVERSE]);
+    for (int k = V_1; k < PARAMETERS; k++) {
+        whole = whole && is_whole(p[k]);
+    }
     return whole && dse_all_finite(prepared, DSE_TANKS_SIZE) ? DSE_OK : DSE_EINVAL;
 }
 
@@ -148,8 +191,14 @@ static enum dse_status derivative(const struct dse_model *model, dse_real t, con
     if (!dse_all_finite(x, STATES)) {
         return DSE_EMODEL;
     }
-    const dse_real q_1 = tanks->p[0] * flow_root(tanks, x[X2]);
-    const dse_real q_2 = tanks->p[1] * flow_root(tanks, x[X4]);
+    dse_real q_1 = tanks->p[0] * flow_root(tanks, x[X2]);
+    dse_real q_2 = tanks->p[1] * flow_root(tanks, x[X4]);
+    if (tanks->is_open > 0) {
+        dse_real upper[2];
+        dse_three_tank_upper_flows(tanks, x, upper);
+        q_1 += upper[0];
+        q_2 += upper[1];
+    }
     dx[X1] = tanks->b[0] * u[U1] - q_1 - tanks->d[0] * drain_root(tanks, x[X1]);
     dx[X3] = q_1 + q_2 - tanks->d[1] * drain_root(tanks, x[X3]);
     dx[X5] = tanks->b[1] * u[U2] - q_2 - tanks->d[2] * drain_root(tanks, x[X5]);
@@ -199,6 +248,9 @@ static enum dse_status derivative_jacobian(const struct dse_model *model, dse_re
     F[X3 * STATES + X4] = q_2;
     F[X5 * STATES + X5] = -tanks->d[2] * root_slope(x[X5]);
     F[X5 * STATES + X4] = -q_2;
+    if (tanks->is_open > 0) {
+        dse_three_tank_upper_slopes(tanks, x, F);
+    }
     for (int k = 0; k < STATES; k++) {
         F[X2 * STATES + k] = F[X1 * STATES + k] - F[X3 * STATES + k];
         F[X4 * STATES + k] = F[X5 * STATES + k] - F[X3 * STATES + k];

@@ -242,17 +242,21 @@ static const int block_sizes[] = {2, 1, 2};
 
 void dse_three_tank_normal_form(const dse_real *prepared, struct dse_normal_form *form)
 {
+    const struct dse_tanks *tanks = (const struct dse_tanks *)prepared;
     *form = (struct dse_normal_form){.n = STATES,
                                      .p = OUTPUTS,
                                      .n_i = block_sizes,
                                      .nu = INPUTS,
                                      .map_without_inputs = true,
-                                     .parameters = prepared,
-                                     .encode = encode,
-                                     .decode = decode,
-                                     .field = field,
-                                     .jacobian = jacobian,
-                                     .map_jacobian = map_jacobian,
-                                     .push = push,
-                                     .field_jacobian = field_jacobian};
+                                     .parameters = prepared};
+    if (!(tanks->p[0] > 0 && tanks->p[1] > 0) || tanks->is_open > 0) {
+        return;
+    }
+    form->encode = encode;
+    form->decode = decode;
+    form->field = field;
+    form->jacobian = jacobian;
+    form->map_jacobian = map_jacobian;
+    form->push = push;
+    form->field_jacobian = field_jacobian;
 }

@@ -1,7 +1,8 @@
 """What the three-tank scenarios claim, on logs of their runs (sim/scenarios/README.md).
 
 Section 6 of the adaptive high-gain source: AHG-41 identification, AHG-60 identified model, AHG-61
-step of the inputs, AHG-62 communication. Late means the last quarter of an hour of a run.
+step of the inputs, AHG-62 communication, AHG-71 valves. Late means the last quarter of an hour of a
+run.
 """
 
 import json
@@ -109,6 +110,24 @@ def test_ahg_62_without_communication_the_gain_is_high_more_often(recorded: Reco
     assert len(alone) == len(together) == 2
     for without, with_ in zip(alone, together, strict=True):
         assert without > 3 * with_
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_ahg_71_filters_that_are_told_of_the_valves_find_the_levels(
+    recorded: Recorded, seed: int
+) -> None:
+    """Levels 0.76, 1.18, 0.05 against 1.6, 4.4, 1.5 cm; interactions 4.7, 1.5 against 37, 50."""
+    error = late(recorded("ahg-71", seed), 0.25)
+    for state, factor in {"x1": 0.5, "x3": 0.5, "x5": 0.5, "x2": 0.2, "x4": 0.2}.items():
+        assert error["told"][state] < factor * error["untold"][state], state
+
+
+def test_ahg_71_has_no_normal_form() -> None:
+    words = [str(BIN / "dse-run"), "ahg-71", "--inproc", "--no-log"]
+    words += ["--set", "networks.told.high_gain_ekf.coordinates=normal"]
+    said = subprocess.run(words, capture_output=True, text=True, timeout=300)
+    assert said.returncode != 0
+    assert "plant three_tank has no normal form with these parameters; use physical" in said.stderr
 
 
 def test_ahg_41_identification_finds_the_rig(recorded: Recorded, tmp_path: Path) -> None:

@@ -141,11 +141,161 @@ static void tanks_refuse_what_is_not_a_number(void **state)
     assert_int_equal(m->f(m, 0, bench.x, NULL, out), DSE_EINVAL);
     assert_int_equal(form->field(form, 0, bench.x, NULL, out), DSE_EINVAL);
     assert_int_equal(form->jacobian(form, 0, 0, bench.x, NULL, out), DSE_EINVAL);
-    dse_real values[DSE_PLANT_MAX_PARAMETERS], prepared[MAX_PREPARED];
-    memcpy(values, bench.plant->sets[RIG].values,
-           (size_t)bench.plant->n_parameters * sizeof *values);
-    values[bench.plant->n_parameters - 1] = DSE_REAL(0.5);
-    assert_int_equal(bench.plant->prepare(values, prepared), DSE_EINVAL);
+}
+
+/* ---- valves ---- */
+
+enum { VALVES = 9 };
+
+static dse_real *value_of(const struct dse_plant *plant, dse_real *values, const char *name)
+{
+    for (int k = 0; k < plant->n_parameters; k++) {
+        if (strcmp(plant->parameters[k].name, name) == 0) {
+            return &values[k];
+        }
+    }
+    fail_msg("no parameter %s", name);
+    return values;
+}
+
+/* The rig with some of the valves v1 to v9 open; "145" for example. */
+static void open_valves(struct bench *bench, int set, const char *open)
+{
+    dse_real values[DSE_PLANT_MAX_PARAMETERS];
+    set_up(bench, dse_plant_find("three_tank"), set);
+    memcpy(values, bench->plant->sets[set].values,
+           (size_t)bench->plant->n_parameters * sizeof *values);
+    for (char v = '1'; v <= '9'; v++) {
+        const char name[] = {'v', v, '\0'};
+        *value_of(bench->plant, values, name) = strchr(open, v) != NULL ? 1 : 0;
+    }
+    assert_int_equal(bench->plant->prepare(values, bench->prepared), DSE_OK);
+    bench->plant->model(bench->prepared, &bench->model);
+    bench->plant->normal_form(bench->prepared, &bench->form);
+}
+
+/* The flow that a valve lets through, at levels 70, 50, 65 cm of tanks 1, 2, 3: by Torricelli with
+ * a = 3.43 (pipes) and 18.15, 10.54, 18.98 (drains), 60 S_x sqrt(2g)/S = 8.6288. */
+static void each_valve_lets_its_own_flow_through(void **state)
+{
+    (void)state;
+    static const struct {
+        int from, to; /* rows of x', -1: out */
+        double flow;
+    } cases[VALVES] = {
+        {0, 2, 29.596759 * 4.472135955}, {0, 2, 29.596759 * 4.472135955}, /* 40 - 20 */
+        {0, 2, 29.596759 * 3.16227766},                                   /* 10 - 0 */
+        {3, 2, 29.596759 * 3.872983346}, {3, 2, 29.596759 * 3.872983346},
+        {3, 2, 29.596759 * 2.236067977}, {0, -1, 156.612587 * 8.366600265},
+        {2, -1, 90.959487 * 7.071067812}, {3, -1, 163.774485 * 8.062257748},
+    };
+    const dse_real x[5] = {70, 20, 50, 65, 15};
+    struct bench bench;
+    dse_real none[5], dx[5];
+    open_valves(&bench, RIG, "");
+    assert_int_equal(bench.model.f(&bench.model, 0, x, bench.u, none), DSE_OK);
+    for (int v = 0; v < VALVES; v++) {
+        const char open[] = {(char)('1' + v), '\0'};
+        open_valves(&bench, RIG, open);
+        assert_int_equal(bench.model.f(&bench.model, 0, x, bench.u, dx), DSE_OK);
+        for (int row = 0; row < 5; row++) {
+            const double in = row == cases[v].to ? 1 : row == cases[v].from ? -1 : 0;
+            if (row != 1 && row != 4) {
+                assert_near_scaled(dx[row] - none[row], (dse_real)(in * cases[v].flow), 100,
+                                   TOLERANCE(1e-7, 1e-5));
+            }
+        }
+    }
+    /* water that stands below a pipe does not flow through it, and it flows to the lower side */
+    const dse_real low[5] = {29, 9, 20, 40, 20}, back[5] = {40, -5, 45, 40, -5};
+    dse_real shut[5];
+    open_valves(&bench, RIG, "2");
+    assert_int_equal(bench.model.f(&bench.model, 0, low, bench.u, dx), DSE_OK);
+    open_valves(&bench, RIG, "");
+    assert_int_equal(bench.model.f(&bench.model, 0, low, bench.u, shut), DSE_OK);
+    assert_memory_equal(dx, shut, sizeof dx);
+    open_valves(&bench, RIG, "2");
+    assert_int_equal(bench.model.f(&bench.model, 0, back, bench.u, dx), DSE_OK);
+    assert_true(dx[0] > none[0] && dx[2] < 0);
+}
+
+static void valves_as_in_the_source_are_the_default(void **state)
+{
+    (void)state;
+    for (int set = 0; set < 2; set++) {
+        struct bench bench, open;
+        dse_real dx[5], same[5];
+        set_up(&bench, dse_plant_find("three_tank"), set);
+        open_valves(&open, set, "14789");
+        assert_int_equal(bench.model.f(&bench.model, 0, bench.x, bench.u, dx), DSE_OK);
+        assert_int_equal(open.model.f(&open.model, 0, bench.x, bench.u, same), DSE_OK);
+        assert_memory_equal(dx, same, sizeof dx);
+    }
+}
+
+static void jacobian_with_all_valves_open_agrees_with_differences(void **state)
+{
+    (void)state;
+    static const dse_real points[][5] = {
+        {70, 20, 50, 65, 15}, {45, 20, 20, 70, 50}, {25, 10, 20, 31, 11}, {40, -5, 45, 80, 35}};
+    dse_real scratch[DSE_MODEL_CHECK_SCRATCH(5, 3)];
+    for (int k = 0; k < 4; k++) {
+        struct bench bench;
+        dse_real worst = 1;
+        open_valves(&bench, RIG, "123456789");
+        assert_int_equal(
+            dse_model_check_jacobians(&bench.model, 0, points[k], bench.u, scratch, &worst, NULL),
+            DSE_OK);
+        assert_true(worst < TOLERANCE(1e-4, 3e-2));
+    }
+    /* levels that are equal above a pipe: a straight line, no infinite slope */
+    struct bench bench;
+    dse_real F[25];
+    const dse_real level[5] = {50, 0, 50, 50, 0};
+    open_valves(&bench, RIG, "2356");
+    assert_int_equal(bench.model.dfdx(&bench.model, 0, level, bench.u, F), DSE_OK);
+    assert_true(dse_all_finite(F, 25) && F[0] < 0 && F[2] > 0);
+}
+
+static void only_bottom_pipes_and_any_drains_have_a_normal_form(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *open;
+        bool has;
+    } cases[] = {{"14789", true},   {"14", true},      {"147", true},     {"4789", false},
+                 {"1789", false},   {"124789", false}, {"134789", false}, {"145789", false},
+                 {"146789", false}, {"", false}};
+    for (size_t c = 0; c < sizeof cases / sizeof cases[0]; c++) {
+        struct bench bench;
+        dse_real z[5], chi[5];
+        open_valves(&bench, IDENTIFIED, cases[c].open);
+        const struct dse_normal_form *form = &bench.form;
+        assert_true((form->encode != NULL) == cases[c].has);
+        assert_true((form->field_jacobian != NULL) == cases[c].has);
+        assert_true(form->n == 5 && form->p == 3 && form->n_i[0] == 2);
+        if (cases[c].has) {
+            assert_int_equal(form->encode(form, 0, bench.x, bench.u, z), DSE_OK);
+            assert_int_equal(form->decode(form, 0, z, bench.u, chi), DSE_OK);
+            for (int k = 0; k < 5; k++) {
+                assert_near_scaled(chi[k], bench.x[k], 0, TOLERANCE(1e-12, 1e-4));
+            }
+        }
+    }
+}
+
+static void a_valve_is_open_or_shut(void **state)
+{
+    (void)state;
+    static const char *const names[] = {"reverse", "v1", "v2", "v3", "v4",
+                                        "v5",      "v6", "v7", "v8", "v9"};
+    const struct dse_plant *plant = dse_plant_find("three_tank");
+    for (size_t k = 0; k < sizeof names / sizeof names[0]; k++) {
+        dse_real values[DSE_PLANT_MAX_PARAMETERS], prepared[MAX_PREPARED];
+        memcpy(values, plant->sets[RIG].values, (size_t)plant->n_parameters * sizeof *values);
+        *value_of(plant, values, names[k]) = DSE_REAL(0.5);
+        assert_int_equal(plant->prepare(values, prepared), DSE_EINVAL);
+    }
 }
 
 int main(void)
@@ -156,6 +306,11 @@ int main(void)
         cmocka_unit_test(flows_between_the_tanks_reverse_in_the_rig_only),
         cmocka_unit_test(decoded_levels_stay_within_the_tanks),
         cmocka_unit_test(tanks_refuse_what_is_not_a_number),
+        cmocka_unit_test(each_valve_lets_its_own_flow_through),
+        cmocka_unit_test(valves_as_in_the_source_are_the_default),
+        cmocka_unit_test(jacobian_with_all_valves_open_agrees_with_differences),
+        cmocka_unit_test(only_bottom_pipes_and_any_drains_have_a_normal_form),
+        cmocka_unit_test(a_valve_is_open_or_shut),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

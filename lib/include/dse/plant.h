@@ -77,7 +77,8 @@ struct dse_plant {
     const dse_real *constants; /* prepared_size; NULL where there is a prepare */
     /* Fills the model; prepared must outlive it. */
     void (*model)(const dse_real *prepared, struct dse_model *model);
-    /* Fills the normal form; NULL when the plant has none. */
+    /* Fills the normal form; NULL when the plant has none. Where the parameters are such that there
+     * is none, its maps are NULL and only the sizes are filled. */
     void (*normal_form)(const dse_real *prepared, struct dse_normal_form *form);
     /* Of a descriptor plant E x' = g(t, x, u) with singular E: puts the states that an algebraic
      * equation ties to the other ones and the inputs into x. The model's f does without them and
