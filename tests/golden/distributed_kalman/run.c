@@ -70,7 +70,8 @@ int golden_run_load(const json_t *root, struct golden_run *run, struct kalman_ne
     run->w = numbers(root, "w", &n_w);
     run->v = numbers(root, "v", &run->n_v);
     run->n_v /= run->nodes;
-    run->steps = (int)golden_number(root, "nsteps", n_w / NX);
+    const int noises = n_w / NX;
+    run->steps = (int)golden_number(root, "nsteps", noises);
     const bool enough = run->w == NULL || (n_w >= NX * run->steps && run->n_v >= run->steps);
     return run->steps > 0 && enough ? GOLDEN_PASS : GOLDEN_FAIL;
 }
