@@ -119,7 +119,7 @@ static void unknown_keys_are_answered_with_the_allowed_ones(void **state)
         {"seed", "sede", "x.yaml:2: sede: unknown key; allowed here: name, title, source, seed,"},
         {"high_gain_ekf", "high_gain_efk",
          "x.yaml:19: networks[0].high_gain_efk: unknown key; allowed here: name, "},
-        {"high_gain_ekf", "high_gain_efk", "high_gain_ekf (did you mean high_gain_ekf?)"},
+        {"high_gain_ekf", "high_gain_efk", "(did you mean high_gain_ekf?)"},
         {"every: 2", "evry: 2", "x.yaml:20: networks[0].high_gain_ekf.communication.evry: unknown"},
         {"value: 35", "vlaue: 35", "x.yaml:9: plant.parameters[0].vlaue: unknown key"},
         {"seed: 1", "'': 1", "x.yaml:2: '': unknown key"},
@@ -268,7 +268,7 @@ static void names_that_nothing_carries_are_answered_with_what_there_is(void **st
         {"name: cstr2", "name: cstr",
          "x.yaml:7: plant.name: there is no plant called cstr; there are: cstr2"},
         {"set: ch2", "set: ch3",
-         "x.yaml:8: plant.set: the plant has no set called ch3; there are: ch2, ch4 (did you"},
+         "x.yaml:8: plant.set: the plant has no set called ch3; there are: ch2, ch4, cdm (did you"},
         {"name: Fr", "name: F_r",
          "x.yaml:9: plant.parameters[0].name: the plant has no parameter "
          "called F_r; there are: V1, V2,"},
