@@ -96,6 +96,13 @@ static bool take_measurement(const struct dse_distributed_observer *o,
     return complete;
 }
 
+/* After a step that failed: whatever the gains had become, they start from 0 again. */
+static void forget_gains(const struct dse_distributed_observer *o)
+{
+    for (int i = 0; i < o->n_gain; i++)
+        o->state[o->config->nz + i] = 0;
+}
+
 /* No neighbour's message acts in the period that comes. */
 static bool deserted(const struct dse_distributed_observer *o)
 {
@@ -155,8 +162,11 @@ enum dse_status dse_distributed_observer_sample(struct dse_distributed_observer 
     if (!(t > observer->t))
         return DSE_EINVAL;
     const bool complete = take_measurement(observer, measurement);
-    const bool alone = !(observer->complete && complete);
-    const bool left = deserted(observer);
+    const bool failed = observer->health == DSE_HEALTH_DIVERGED;
+    const bool left = failed || deserted(observer);
+    const bool alone = failed || !(observer->complete && complete);
+    if (failed)
+        forget_gains(observer);
     enum dse_status status = step(observer, t - observer->t, u, alone);
     grow_old(observer);
     if (status == DSE_OK) {

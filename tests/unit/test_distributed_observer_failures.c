@@ -161,6 +161,29 @@ static void failing_step_changes_nothing_and_says_diverged(void **state)
     assert_false(dse_distributed_observer_may_speak(&node));
 }
 
+/* The gain becomes so large in a period that the next one overflows. */
+static void node_that_diverged_goes_on_alone_and_then_learns_again(void **state)
+{
+    (void)state;
+    scalar_config(DSE_OBSERVER_OWN, 1);
+    assert_int_equal(start_node(), DSE_OK);
+    assert_int_equal(sample_at(0, 2), DSE_OK);
+    node.state[1] = DSE_REAL_MAX / 2; /* Gamma */
+    assert_int_equal(hear(0, 1000), DSE_OK);
+    assert_int_equal(sample_at(DSE_REAL(0.1), 2), DSE_ENONFINITE);
+    assert_int_equal(hear(0, 3), DSE_OK);
+    assert_int_equal(sample_at(DSE_REAL(0.2), 2), DSE_OK);
+    assert_int_equal(dse_distributed_observer_health(&node), DSE_HEALTH_ALONE);
+    assert_true(gain(0) == 0);
+    /* z' = -z + 2 from 1 over both periods */
+    assert_near(dse_distributed_observer_z(&node)[0], 2 - dse_exp(DSE_REAL(-0.2)),
+                TOLERANCE(1e-5, 1e-5));
+    assert_int_equal(hear(0, 3), DSE_OK);
+    assert_int_equal(sample_at(DSE_REAL(0.3), 2), DSE_OK);
+    assert_int_equal(dse_distributed_observer_health(&node), DSE_HEALTH_TRACKING);
+    assert_true(gain(0) > 0);
+}
+
 static void samples_must_be_finite_and_ascend(void **state)
 {
     (void)state;
@@ -246,6 +269,7 @@ int main(void)
         cmocka_unit_test(missing_measurement_is_held_at_its_last_value),
         cmocka_unit_test(node_waits_until_every_channel_has_been_seen),
         cmocka_unit_test(failing_step_changes_nothing_and_says_diverged),
+        cmocka_unit_test(node_that_diverged_goes_on_alone_and_then_learns_again),
         cmocka_unit_test(samples_must_be_finite_and_ascend),
         cmocka_unit_test(wrong_configurations_are_refused),
         cmocka_unit_test(memory_is_exactly_what_the_macro_says),

@@ -53,7 +53,8 @@
  *   this period and the next, the node keeps silent (what it would say is not measured), and its
  *   health is coasting. Until every channel has been valid once it is initialising and z stays z0.
  * - A message that is not finite is refused, counted, and counts as not heard.
- * - A step that is not finite changes nothing: DSE_ENONFINITE, health diverged. */
+ * - A step that is not finite changes nothing: DSE_ENONFINITE, health diverged. The next one covers
+ *   both periods without coupling and with every Gamma = 0, health alone; then all goes on. */
 #ifndef DSE_DISTRIBUTED_OBSERVER_H
 #define DSE_DISTRIBUTED_OBSERVER_H
 
