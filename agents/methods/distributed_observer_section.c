@@ -172,25 +172,31 @@ static bool check_shape(const struct method_setup *setup, int node, const struct
                      shape->rows, shape->columns);
 }
 
+/* Rows that a list of whole rows has; 1 where it is too short for one, which no list is long enough
+ * for then. */
+static int rows_of(unsigned count, int columns)
+{
+    return columns > 0 && (int)count > columns ? (int)count / columns : 1;
+}
+
 static bool check_node(const struct method_setup *setup, int node, struct error *error)
 {
     const struct distributed_observer_section *section = setup->section;
     const struct distributed_observer_design *own = &section->nodes[node];
     const struct distributed_observer_size n = distributed_observer_size(setup, node);
-    const int C2_rows = (int)own->C2_count / n.nx > 0 ? (int)own->C2_count / n.nx : 1;
-    const int D_rows = n.nr > 0 ? n.nr : 1;
-    const struct shape shapes[] = {{"Lambda", own->Lambda, own->Lambda_count, n.nz, n.nz},
-                                   {"L", own->L, own->L_count, n.nz, n.ny},
-                                   {"H", own->H, own->H_count, n.nz, n.nu},
-                                   {"M", own->M, own->M_count, n.nx, n.nz},
-                                   {"N", own->N, own->N_count, n.nx, n.ny},
-                                   {"J", own->J, own->J_count, n.nx, n.nu},
-                                   {"z0", own->z0, own->z0_count, n.nz, 1},
-                                   {"Pi", own->Pi, own->Pi_count, n.nz, n.nz},
-                                   {"C2", own->C2, own->C2_count, C2_rows, n.nx},
-                                   {"D", own->D, own->D_count, D_rows, n.nz},
-                                   {"D_y", own->D_y, own->D_y_count, n.nr, n.ny},
-                                   {"D_u", own->D_u, own->D_u_count, n.nr, n.nu}};
+    const struct shape shapes[] = {
+        {"Lambda", own->Lambda, own->Lambda_count, n.nz, n.nz},
+        {"L", own->L, own->L_count, n.nz, n.ny},
+        {"H", own->H, own->H_count, n.nz, n.nu},
+        {"M", own->M, own->M_count, n.nx, n.nz},
+        {"N", own->N, own->N_count, n.nx, n.ny},
+        {"J", own->J, own->J_count, n.nx, n.nu},
+        {"z0", own->z0, own->z0_count, n.nz, 1},
+        {"Pi", own->Pi, own->Pi_count, n.nz, n.nz},
+        {"C2", own->C2, own->C2_count, rows_of(own->C2_count, n.nx), n.nx},
+        {"D", own->D, own->D_count, rows_of(own->D_count, n.nz), n.nz},
+        {"D_y", own->D_y, own->D_y_count, n.nr, n.ny},
+        {"D_u", own->D_u, own->D_u_count, n.nr, n.nu}};
     for (size_t k = 0; k < sizeof shapes / sizeof shapes[0]; k++)
         if (!check_shape(setup, node, &shapes[k], error))
             return false;
