@@ -46,6 +46,23 @@ def test_stored_graphs_are_those_of_the_source(name: str) -> None:
     assert (net.nodes, edges, net.strongly_connected(), alone) == STORED_GRAPHS[name]
 
 
+# scenario and network -> the stored graph that it copies
+COPIES = {
+    ("aho-e1_net50", "edge"): "aho-net50",
+    ("aho-e2_ring6", "edge"): "aho-ring6",
+    ("aho-e3_ladder6", "edge"): "aho-moebius6",
+    ("aho-e4_directed5", "edge"): "aho-directed5",
+    ("aho-e5_unknown_input", "consistent"): "aho-uio6",
+    ("aho-e6_functional", "consistent"): "aho-fo4",
+}
+
+
+@pytest.mark.parametrize(("scenario", "network"), COPIES)
+def test_scenarios_have_the_stored_graphs(scenario: str, network: str) -> None:
+    found = networks.load(STORED.parent / f"{scenario}.yaml")[network]
+    assert set(found.digraph().edges) == set(stored(COPIES[scenario, network]).digraph().edges)
+
+
 def test_every_stored_graph_is_tested() -> None:
     assert {path.stem for path in STORED.glob("*.yaml")} == {"aho-net50", *STORED_GRAPHS}
 
