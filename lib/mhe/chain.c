@@ -34,11 +34,12 @@ enum dse_status mhe_chain_factor(struct dse_mhe_chain *chain)
         const enum dse_status status = dse_cholesky(n, L, L);
         if (status != DSE_OK)
             return status;
-        /* A pivot that is nothing but rounding beside its diagonal element is none. */
+        /* A pivot that is nothing but rounding beside its diagonal element is none; without data
+         * it is about ten times the precision. */
+        const dse_real least = (dse_real)(4 * (n + chain->length)) * DSE_REAL_EPSILON;
         for (int i = 0; i < n; i++) {
             const dse_real pivot = L[i * n + i];
-            if (!(pivot * pivot >
-                  (dse_real)(4 * n) * DSE_REAL_EPSILON * chain->D[t * size + i * n + i]))
+            if (!(pivot * pivot > least * chain->D[t * size + i * n + i]))
                 return DSE_ENOTPD;
         }
         if (t == chain->length - 1)

@@ -23,9 +23,12 @@ enum dse_status dse_mhe_local_receive_down(struct dse_mhe_local *local, const ds
     const long flags = mhe_header_get(message, MHE_FLAGS);
     if (k < 0 || round < 0 || length < 0 || flags < 0)
         return DSE_EFORMAT;
-    if (k != local->newest % MHE_SAMPLE_WRAP || round <= local->round || local->stopped)
-        return DSE_ENODATA;
     const bool stop = (flags & MHE_STOP) != 0, start = (flags & MHE_START) != 0;
+    /* A deadline may end a round before it is counted. */
+    const bool same_round = round == local->round;
+    if (k != local->newest % MHE_SAMPLE_WRAP || local->stopped || round < local->round ||
+        (same_round && !stop))
+        return DSE_ENODATA;
     /* Of another length: the window of this agent is not full yet, it has to go on alone. */
     if (length != local->length) {
         local->stopped = stop;
@@ -41,7 +44,9 @@ enum dse_status dse_mhe_local_receive_down(struct dse_mhe_local *local, const ds
     local->flags = (int)flags;
     local->heard = true;
     local->received_sample = local->newest;
-    if ((flags & MHE_ACCEPTED) != 0 && local->last_status == DSE_OK) {
+    /* The prices of a round that was not counted have not been judged. */
+    const bool judged = !same_round || local->settings->scheme == DSE_MHE_PREDICTION;
+    if ((flags & MHE_ACCEPTED) != 0 && judged && local->last_status == DSE_OK) {
         const struct dse_mhe_solution best = local->current;
         local->current = local->kept;
         local->kept = best;
