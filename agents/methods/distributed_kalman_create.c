@@ -109,7 +109,7 @@ static int storage(const struct distributed_kalman_node *node, const struct meth
     int reals = nx + 3 * nx * nx + ny * ny + 3 * nx * ny;
     for (int v = 0; v < node->n_voices; v++)
         reals += group_of(setup, node->voices[v])->n_outputs * nx;
-    reals += (node->nodes + 1) * ny * ny;
+    reals += node->section->scheme == DSE_DKF_GLOBAL ? (node->nodes + 1) * ny * ny : 0;
     reals += node->section->discretise ? DISCRETISED_SCRATCH(nx) : 0;
     return reals + (node->section->direction == DSE_DKF_LYAPUNOV
                         ? DSE_DKF_STORAGE_LYAPUNOV(nx, ny, node->n_ears)
@@ -295,6 +295,8 @@ static bool take_memory(struct distributed_kalman_node *node, const struct metho
     if (node->memory == NULL || node->has_term == NULL)
         return error_set(error, "out of memory");
     dse_arena_init(&node->arena, node->memory, reals);
+    if (node->section->scheme != DSE_DKF_GLOBAL)
+        return true;
     node->sum = dse_arena_take(&node->arena, ny * ny);
     node->terms = dse_arena_take(&node->arena, node->nodes * ny * ny);
     return true;
