@@ -47,9 +47,9 @@ struct step {
 
 /* dX = F + F' + Q - U' T, each element computed once: X stays symmetric bit for bit. Q, or U and T
  * (m x n) may be NULL. */
-static void symmetric_rate(int n, int m, const dse_real *restrict F, const dse_real *restrict Q,
-                           const dse_real *restrict U, const dse_real *restrict T,
-                           dse_real *restrict dX)
+static inline void symmetric_rate(int n, int m, const dse_real *restrict F,
+                                  const dse_real *restrict Q, const dse_real *restrict U,
+                                  const dse_real *restrict T, dse_real *restrict dX)
 {
     for (int i = 0; i < n; i++) {
         dse_real *row = dX + i * n;
@@ -66,14 +66,29 @@ static void symmetric_rate(int n, int m, const dse_real *restrict F, const dse_r
 }
 
 /* P' = A P + P A' + Q - (C P)' R^-1 (C P); leaves C P behind. */
-static void riccati_rate(const struct dse_dkf *dkf, struct workspace *w, const dse_real *P,
-                         dse_real *dP)
+static inline void riccati(const struct dse_dkf *dkf, struct workspace *w, int n, int m,
+                           const dse_real *P, dse_real *dP)
 {
-    const int n = dkf->nx, m = dkf->ny;
     dkf_product(n, n, n, w->A, P, w->AP);
     dkf_product(m, n, n, dkf->config->sensor.C, P, w->CP);
     dkf_product(m, m, n, dkf->R_present, w->CP, w->T);
     symmetric_rate(n, m, w->AP, dkf->config->Q, w->CP, w->T, dP);
+}
+
+/* The sizes of most nodes for the compiler to unroll, where loops of a few turns would cost more
+ * than what is in them. Same operations, same order, same bits. */
+static void riccati_rate(const struct dse_dkf *dkf, struct workspace *w, const dse_real *P,
+                         dse_real *dP)
+{
+    const int n = dkf->nx, m = dkf->ny;
+    if (m == 1 && n == 2)
+        riccati(dkf, w, 2, 1, P, dP);
+    else if (m == 1 && n == 3)
+        riccati(dkf, w, 3, 1, P, dP);
+    else if (m == 1 && n == 4)
+        riccati(dkf, w, 4, 1, P, dP);
+    else
+        riccati(dkf, w, n, m, P, dP);
 }
 
 /* W' = A_i W + W A_i' + S,  A_i = A - K C, K = (R^-1 C P)' = T' when it is not given; leaves C W
