@@ -37,6 +37,6 @@ const char *dse_mhe_status_text(enum dse_mhe_status status)
 {
     static const char *const text[] = {"starting",   "converged",  "premature", "held",
                                        "local only", "infeasible", "singular"};
-    const int count = (int)(sizeof text / sizeof text[0]);
-    return status >= 0 && (int)status < count ? text[status] : "unknown";
+    const unsigned count = sizeof text / sizeof text[0];
+    return (unsigned)status < count ? text[status] : "unknown"; /* enums are unsigned on ARM */
 }
