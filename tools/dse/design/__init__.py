@@ -17,6 +17,7 @@ from dse.design import (
     mhe_check,
     normal_form,
     observability,
+    qp,
     tune,
     uio,
 )
@@ -26,6 +27,7 @@ COMMANDS: tuple[ModuleType, ...] = (
     observability,
     linearise,
     mhe_check,
+    qp,
     identify,
     tune,
     bounds,
