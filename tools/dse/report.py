@@ -7,7 +7,7 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from dse import __version__, plots
+from dse import __version__, agreement_plots, plots
 from dse.commands.info import facts
 from dse.evaluate import DEFINITIONS, Metrics
 from dse.run import Run
@@ -41,6 +41,8 @@ def write(run: Run, metrics: Metrics, directory: Path) -> Path:
     if states:
         shown = states[:OVERVIEW_STATES]
         add("overview", plots.overview(run, shown, run.networks, style), "overview.png", title)
+    if (figure := agreement_plots.figure(run, run.networks, style)) is not None:
+        add("overview", figure, "together.png", "nodes together: error and disagreement")
     if not plots.always_tracking(run.networks):
         add("overview", plots.health(run, run.networks), "health.png", "health of the estimates")
     for i in states:

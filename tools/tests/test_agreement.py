@@ -8,9 +8,12 @@ from conftest import Command
 from synthetic import Plan, write
 
 from dse.agreement import agreement, same_states
+from dse.agreement_plots import figure
 from dse.communication import communication, frame_bytes
 from dse.errors import UserError
 from dse.log import read
+from dse.metrics import disagreement
+from dse.plots import colours
 from dse.run import Network, Run
 from dse.tradeoff import Metric, measure
 
@@ -91,6 +94,19 @@ def test_measured_communication_is_what_the_nodes_counted(plain: Path) -> None:
     for node in network.nodes:
         node.frames = [(1 - node.node, 2)]
     assert communication(network).frame_bytes == 2 * 15
+
+
+def test_the_figure_draws_error_and_disagreement_of_each_network(plain: Path) -> None:
+    run = read(plain)
+    assert figure(run, run.networks, colours(run)) is None
+    network = together(run)
+    made = figure(run, run.networks, colours(run))
+    assert made is not None
+    wrong, apart = made.axes
+    assert len(wrong.lines) == len(apart.lines) == 1
+    found = same_states(run, network)
+    assert found is not None
+    np.testing.assert_allclose(apart.lines[0].get_ydata(), disagreement(found[1]))
 
 
 def test_the_report_has_the_tables(plain: Path, tmp_path: Path, dse: Command) -> None:
