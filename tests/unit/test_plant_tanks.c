@@ -165,8 +165,8 @@ static void open_valves(struct bench *bench, int set, const char *open)
     set_up(bench, dse_plant_find("three_tank"), set);
     memcpy(values, bench->plant->sets[set].values,
            (size_t)bench->plant->n_parameters * sizeof *values);
-    for (char v = '1'; v <= '9'; v++) {
-        const char name[] = {'v', v, '\0'};
+    for (int v = '1'; v <= '9'; v++) {
+        const char name[] = {'v', (char)v, '\0'};
         *value_of(bench->plant, values, name) = strchr(open, v) != NULL ? 1 : 0;
     }
     assert_int_equal(bench->plant->prepare(values, bench->prepared), DSE_OK);
@@ -183,10 +183,10 @@ static void each_valve_lets_its_own_flow_through(void **state)
         int from, to; /* rows of x', -1: out */
         double flow;
     } cases[VALVES] = {
-        {0, 2, 29.596759 * 4.472135955}, {0, 2, 29.596759 * 4.472135955}, /* 40 - 20 */
-        {0, 2, 29.596759 * 3.16227766},                                   /* 10 - 0 */
-        {3, 2, 29.596759 * 3.872983346}, {3, 2, 29.596759 * 3.872983346},
-        {3, 2, 29.596759 * 2.236067977}, {0, -1, 156.612587 * 8.366600265},
+        {0, 2, 29.596759 * 4.472135955},  {0, 2, 29.596759 * 4.472135955}, /* 40 - 20 */
+        {0, 2, 29.596759 * 3.16227766},                                    /* 10 - 0 */
+        {3, 2, 29.596759 * 3.872983346},  {3, 2, 29.596759 * 3.872983346},
+        {3, 2, 29.596759 * 2.236067977},  {0, -1, 156.612587 * 8.366600265},
         {2, -1, 90.959487 * 7.071067812}, {3, -1, 163.774485 * 8.062257748},
     };
     const dse_real x[5] = {70, 20, 50, 65, 15};

@@ -298,9 +298,10 @@ static void a_recorded_network_is_looked_for_beside_the_scenario(void **state)
     fclose(stream);
     snprintf(yaml, sizeof yaml, text, "{D: 3, file: network.csv}");
     struct scenario *scenario = scenario_parse(yaml, file, NULL, 0, &error);
-    if (scenario == NULL)
-        fail_msg("%s", error.text);
-    assert_int_equal(scenario_link_fates(&scenario->networks[0])->table[1], 3);
+    assert_string_equal(error.text, "");
+    const struct dse_link_config *link =
+        scenario != NULL ? scenario_link_fates(&scenario->networks[0]) : NULL;
+    assert_true(link != NULL && link->table[1] == 3);
     scenario_free(scenario);
     stream = fopen(network, "w");
     assert_non_null(stream);

@@ -274,7 +274,7 @@ def show(graph: Graph, worst: dict[str, int], runtime: dict[str, int], headers: 
             print(f"  {worst[function]:5d}  ({graph.frames[function]:4d})  {function}")
     print(f"  {0:5d}          {sum(not worst[f] for f in public)} others")
     for kind in sorted(f for f in worst if f.startswith("any ")):
-        print(f"  {worst[kind]:5d}          {kind.replace('any ', 'deepest callback: ')}")
+        print(f"  {worst[kind]:5d}          deepest callback: {kind.removeprefix('any ')}")
     used = [size for name, size in runtime.items() if name in worst]
     print(f"  {max(used, default=0):5d}          deepest of {len(used)} runtime functions")
 
