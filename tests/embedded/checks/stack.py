@@ -47,6 +47,11 @@ KINDS = {
         {"jacobian", "map_jacobian"},
         f"const struct dse_normal_form *, int, {POINT}",
     ),
+    "an active set's K": ({"apply"}, "void *, int, int, dse_real *"),
+    "dse_window_qp_backend": (
+        {"solve"},
+        "void *, const struct dse_window_qp_problem *, dse_real *",
+    ),
     "dse_plant's prepare": ({"prepare"}, "const dse_real *, dse_real *"),
     "dse_plant's model": ({"model"}, "const dse_real *, struct dse_model *"),
     "dse_plant's form": ({"normal_form"}, "const dse_real *, struct dse_normal_form *"),
