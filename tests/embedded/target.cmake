@@ -28,7 +28,7 @@ foreach(target ${EMBEDDED_TARGETS})
   set_target_properties(board_${target} PROPERTIES INTERFACE_LINK_DEPENDS ${script})
 
   foreach(case ${EMBEDDED_CASES})
-    embedded_image(${case} ${target} cases/${case}.c)
+    embedded_image(${case} ${target} cases/${case}.c ${EMBEDDED_WITH_${case}})
     target_link_options(${case}_${target} PRIVATE -Wl,--gc-sections)
   endforeach()
 
