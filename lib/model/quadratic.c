@@ -76,6 +76,21 @@ void dse_quadratic_add_trace(int nx, const struct dse_quadratic *system, const d
     }
 }
 
+/* F_k[i][j] = F_k[j][i] = value / 2, or value where i = j. */
+dse_real dse_quadratic_norm(const struct dse_quadratic *system)
+{
+    dse_real largest = 0, sum = 0;
+    for (int s = 0; s < system->terms; s++)
+        largest = dse_max(largest, dse_abs(system->term[s].value));
+    if (largest == 0)
+        return 0;
+    for (int s = 0; s < system->terms; s++) {
+        const dse_real value = system->term[s].value / largest;
+        sum += system->term[s].i == system->term[s].j ? value * value : value * value / 2;
+    }
+    return largest * dse_sqrt(sum);
+}
+
 /* ---- as a model ---- */
 
 static enum dse_status quadratic_f(const struct dse_model *model, dse_real t, const dse_real *x,
@@ -139,4 +154,9 @@ void dse_quadratic_model(struct dse_model *model, int nx, int nu, int ny,
         .dfdx = quadratic_dfdx,
         .dhdx = quadratic_dhdx,
     };
+}
+
+const struct dse_quadratic *dse_quadratic_of(const struct dse_model *model)
+{
+    return model->f == quadratic_f ? model->parameters : NULL;
 }

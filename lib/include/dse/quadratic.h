@@ -42,6 +42,8 @@ enum dse_status dse_quadratic_check(int nx, int nu, int ny, const struct dse_qua
 /* Fills a continuous `model`; `system` and what it points to must outlive it. */
 void dse_quadratic_model(struct dse_model *model, int nx, int nu, int ny,
                          const struct dse_quadratic *system);
+/* The system of such a model; NULL for any other one. */
+const struct dse_quadratic *dse_quadratic_of(const struct dse_model *model);
 
 /* dx += q(x). */
 void dse_quadratic_add(const struct dse_quadratic *system, const dse_real *x, dse_real *dx);
