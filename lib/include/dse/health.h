@@ -9,7 +9,7 @@ enum dse_health {
     DSE_HEALTH_REJECTING = 3,    /* data come, but were refused by a gate or check in this sample */
     DSE_HEALTH_DIVERGED = 4,     /* not finite or failed its own check; the last estimate is held */
     DSE_HEALTH_UNOBSERVABLE = 5, /* the data at hand cannot determine the state */
-    DSE_HEALTH_ALONE = 6         /* from its own data only: those that it works with are not there */
+    DSE_HEALTH_ALONE = 6 /* from its own data only: those that it works with are not there */
 };
 
 /* The name used in tables and reports ("tracking"), never NULL. */
