@@ -97,6 +97,8 @@ static enum dse_health health_of(enum dse_mhe_outcome outcome)
         return DSE_HEALTH_ALONE;
     case DSE_MHE_OUTCOME_SINGULAR:
         return DSE_HEALTH_UNOBSERVABLE;
+    case DSE_MHE_OUTCOME_DIVERGED:
+        return DSE_HEALTH_DIVERGED;
     default:
         return DSE_HEALTH_TRACKING;
     }

@@ -12,6 +12,17 @@ static bool is_starting(const struct dse_mhe_local *local)
 
 /* ---- down ---- */
 
+/* What was said in this sample has led nowhere: as if nothing had come. */
+static void disown(struct dse_mhe_local *local)
+{
+    local->heard = false;
+    local->fresh = false;
+    local->has_kept = false;
+    local->received_length = 0;
+    local->sent_length = 0;
+    local->solved = 0; /* the decentralised problem is still to be solved */
+}
+
 enum dse_status dse_mhe_local_receive_down(struct dse_mhe_local *local, const dse_real *message,
                                            int count)
 {
@@ -53,6 +64,8 @@ enum dse_status dse_mhe_local_receive_down(struct dse_mhe_local *local, const ds
         local->has_kept = true;
     }
     local->stopped = stop;
+    if ((flags & MHE_STOP_DIVERGED) != 0)
+        disown(local);
     if (stop)
         return DSE_OK;
     local->fresh = true;

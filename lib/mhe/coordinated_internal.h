@@ -26,7 +26,8 @@ enum {
     MHE_STOP_SINGULAR = 4,
     MHE_UNBOUNDED = 8, /* answer without bounds: the start of the closed-form price (4.5) */
     MHE_ACCEPTED = 16, /* the point of the last answer is the best so far */
-    MHE_START = 32     /* the message ends with X_i as the coordinator has it */
+    MHE_START = 32,    /* the message ends with X_i as the coordinator has it */
+    MHE_STOP_DIVERGED = 64
 };
 /* Up. */
 enum { MHE_FRESH = 1, MHE_SENT = 2, MHE_UP_INFEASIBLE = 4, MHE_UP_SINGULAR = 8 };

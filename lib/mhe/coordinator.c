@@ -224,6 +224,7 @@ enum dse_status dse_mhe_coordinator_begin(struct dse_mhe_coordinator *c, long k)
     c->round = 0;
     c->uplinks = 0;
     c->error = 0;
+    c->first_error = 0;
     c->accepted = false;
     c->relaxed = 1;
     c->anderson.count = 0;

@@ -11,6 +11,7 @@ static int flags_for(const struct dse_mhe_coordinator *c, int i)
     int flags = stop ? MHE_STOP : 0;
     flags |= c->outcome == DSE_MHE_OUTCOME_CONVERGED ? MHE_STOP_CONVERGED : 0;
     flags |= c->outcome == DSE_MHE_OUTCOME_SINGULAR ? MHE_STOP_SINGULAR : 0;
+    flags |= c->outcome == DSE_MHE_OUTCOME_DIVERGED ? MHE_STOP_DIVERGED : 0;
     flags |= c->accepted ? MHE_ACCEPTED : 0;
     if (c->settings->scheme == DSE_MHE_PRICE)
         return flags | (c->prices.unbounded_round && !stop ? MHE_UNBOUNDED : 0);

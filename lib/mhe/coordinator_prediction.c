@@ -3,6 +3,10 @@
 #include "dse/linalg.h"
 #include "dse/math.h"
 
+#define FIRST_ROUNDS 3
+#define APART        1000 /* times the change of the first rounds, */
+#define APART_AT_END 10   /* and after the last one */
+
 /* ---- where a sample starts ---- */
 
 /* x_i of the next sample by the whole A from x_l at time t of a stack packed by `length`. */
@@ -140,6 +144,29 @@ static void price_consistently(struct dse_mhe_coordinator *c)
     }
 }
 
+/* Rounds that move apart: far beyond the changes of the first ones, or beyond them and at the end.
+ */
+static bool moves_apart(struct dse_mhe_coordinator *c)
+{
+    if (c->round <= FIRST_ROUNDS) {
+        c->first_error = dse_max(c->first_error, dse_max(c->error, c->config->eps));
+        return false;
+    }
+    const dse_real limit = c->round < c->max_iter ? APART : APART_AT_END;
+    return !(c->error <= limit * c->first_error);
+}
+
+/* Nothing of this sample is fit to start the next one: it starts without interaction. */
+static void forget(struct dse_mhe_coordinator *c)
+{
+    for (int e = 0; e < c->length * c->n; e++)
+        c->X[e] = 0;
+    for (int e = 0; e < (c->length - 1) * c->n; e++)
+        c->other[e] = 0;
+    c->anderson.count = 0;
+    clear_sync(c);
+}
+
 /* z <- z + beta (f - z). */
 static void move(int count, dse_real beta, const dse_real *f, dse_real *z)
 {
@@ -214,6 +241,10 @@ enum dse_mhe_outcome coordinator_advance_prediction(struct dse_mhe_coordinator *
     if (c->error < c->config->eps && !c->config->fixed_iterations &&
         (c->config->stop_on_any || coordinator_is_complete(c)))
         return DSE_MHE_OUTCOME_CONVERGED;
+    if (moves_apart(c)) {
+        forget(c);
+        return DSE_MHE_OUTCOME_DIVERGED;
+    }
     if (c->bounded)
         remember(c);
     if (c->config->anderson > 0) {

@@ -22,7 +22,7 @@ from dse.run import HEALTH, Floats, Run
 SEEDS = (1, 2)
 HMIN, HP = 3, 10
 """Shortest and full window; the first sample that is coordinated is HMIN - 1."""
-CONVERGED, PREMATURE, SINGULAR, STARTING = 1, 2, 3, 4
+CONVERGED, PREMATURE, SINGULAR, STARTING, DIVERGED = 1, 2, 3, 4, 6
 """Values of the coordinator's diagnostic `outcome`: enum dse_mhe_outcome."""
 EQUAL = 1e-9
 SEPARATOR = slice(6, 9)
@@ -64,6 +64,12 @@ class Outcome:
     def gap(self, one: str, other: str) -> Floats:
         """Largest difference of two networks' estimates per sample (K,)."""
         gap: Floats = np.abs(self.estimate(one) - self.estimate(other)).max(axis=1)
+        return gap
+
+    def gap_of_agents(self, network: str, outcome: int) -> Floats:
+        """Difference to the decentralised estimates where a full window ends like this."""
+        full = np.arange(len(self.run.truth.sample)) >= HP
+        gap: Floats = self.gap(network, "decentralised")[full & (self.outcome(network) == outcome)]
         return gap
 
     def of_node(self, network: str, node: int, name: str) -> Floats:
@@ -145,6 +151,7 @@ def ordered_by_what_is_known(run: Outcome) -> bool:
 
 
 E1, E2, E3 = "cdm-e1", "cdm-e2", "cdm-e3"
+MISSING = ("noise.missing=0.2",)
 FINE = "networks.{}.coordinated_mhe.eps={}"
 CLAIMS = [
     Claim(E1, (), "two iterations at every sample", lambda run: run.iterations("price") == 2),
@@ -215,6 +222,14 @@ CLAIMS = [
           lambda run: abs(run.error("triggered").sum() / run.error("prediction").sum() - 1) < 1e-3),
     Claim("cdm-e5", (), "and iterations become slightly fewer (12.8 against 13.6)",
           lambda run: run.iterations("triggered").mean() < run.iterations("prediction").mean()),
+    Claim("cdm-e5", MISSING, "a fifth of the values missing: rounds that move apart are given up",
+          lambda run: len(run.gap_of_agents("prediction", DIVERGED)) > 0
+          and (run.gap_of_agents("prediction", DIVERGED) == 0).all()
+          and run.error("prediction").sum() < 1.3 * run.error("centralised").sum()),
+    Claim("cdm-e5", (*MISSING, "networks.prediction.coordinated_mhe.anderson=8"),
+          "which Anderson acceleration makes meet",
+          lambda run: not (run.outcome("prediction") == DIVERGED).any()
+          and run.error("prediction").sum() < 1.3 * run.error("centralised").sum()),
     Claim("cdm-e6", (), "the separator gives its decentralised estimate", separator_is_on_its_own),
     Claim("cdm-e6", (), "reactor 2 still profits from reactor 1, and so does the whole",
           others_are_better_off),

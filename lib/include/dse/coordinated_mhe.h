@@ -330,7 +330,11 @@ enum dse_mhe_outcome {
     DSE_MHE_OUTCOME_PREMATURE = 2, /* max_iter rounds, or dse_mhe_coordinator_stop */
     DSE_MHE_OUTCOME_SINGULAR = 3,  /* no agent's problem has a unique solution: D is needed */
     DSE_MHE_OUTCOME_STARTING = 4,  /* window shorter than min_horizon */
-    DSE_MHE_OUTCOME_ALONE = 5      /* nobody answers */
+    DSE_MHE_OUTCOME_ALONE = 5,     /* nobody answers */
+    /* PREDICTION: the rounds move apart, as they may where values are missing or bounds active
+     * although the certificate of full windows is below 1. The agents give their decentralised
+     * estimates; Anderson acceleration helps. */
+    DSE_MHE_OUTCOME_DIVERGED = 6
 };
 
 enum dse_mhe_price_start { /* where the prices of a sample begin */
@@ -438,7 +442,8 @@ struct dse_mhe_coordinator {
     int uplinks;
     enum dse_mhe_outcome outcome;
     dse_real error;
-    bool accepted; /* the answers of the last round are the best so far */
+    dse_real first_error; /* the largest of the sample's first rounds */
+    bool accepted;        /* the answers of the last round are the best so far */
 
     dse_real *asked; /* N n: X whose interactions the agents were given (PREDICTION), */
     dse_real *p;     /* (N-1) n: and the prices */
