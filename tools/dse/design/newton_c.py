@@ -10,7 +10,7 @@ import casadi as ca
 
 from dse.design.c_function import Builder, CFunction, finite, form_function, unused
 from dse.design.invert import Step
-from dse.design.lie import NormalForm
+from dse.design.lie import SX, NormalForm
 
 ITERATIONS = 50
 HALVINGS = 30
@@ -300,7 +300,7 @@ def _jacobian(form: NormalForm, build: Builder) -> list[CFunction]:
     ]
 
 
-def _matrix(build: Builder, name: str, value: ca.SX, meaning: str) -> CFunction:
+def _matrix(build: Builder, name: str, value: SX, meaning: str) -> CFunction:
     """A function that fills a matrix D (STATES x STATES)."""
     lines = build.body([("D", value)], state="chi")
     return CFunction(
