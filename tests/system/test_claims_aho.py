@@ -303,12 +303,41 @@ def test_aho_e5_no_node_is_worse_with_coupling(recorded: Recorded) -> None:
     assert node_l2(run, "printed_ring")[1] > 2 * alone[1]
 
 
+@pytest.mark.long
 def test_aho_e5_smaller_periods_lead_to_the_continuous_network(recorded: Recorded) -> None:
     run = recorded(
         "aho-e5", None, "--set", "time.period_s=0.0025", "--set", "time.duration_s=5.0025"
     )
     assert together(run, "printed").l2_norm == pytest.approx(54.915, rel=1e-4)
     assert together(run, "consistent").l2_norm == pytest.approx(44.174, rel=5e-4)
+
+
+def strongly_connected(generator: np.random.Generator, edges: int) -> list[int]:
+    """A random digraph of six nodes: from, to, from, to, .."""
+    pairs = [(i, j) for i in range(6) for j in range(6) if i != j]
+    while True:
+        chosen = [pairs[k] for k in generator.choice(len(pairs), edges, replace=False)]
+        reach = np.eye(6, dtype=bool)
+        for i, j in chosen:
+            reach[i, j] = True
+        if (np.linalg.matrix_power(reach.astype(float), 6) > 0).all():
+            return [int(node) for pair in chosen for node in pair]
+
+
+@pytest.mark.long
+def test_aho_e5_the_printed_law_does_not_always_help(recorded: Recorded) -> None:
+    """R8: of random strongly connected graphs 87 % are better than alone; the median is 93."""
+    generator = np.random.default_rng(8)
+    norms = []
+    for _ in range(60):
+        edges = strongly_connected(generator, int(generator.integers(6, 11)))
+        graph = f"networks.printed.graph={{nodes: 6, edges: {edges}}}"
+        norms.append(together(recorded("aho-e5", None, "--set", graph), "printed").l2_norm)
+    better = np.mean(np.array(norms) < 97.59)
+    assert 0.75 < better < 0.97
+    assert np.median(norms) == pytest.approx(93, abs=2)
+    assert 75 < min(norms) < 90
+    assert 97.59 < max(norms) < 110
 
 
 # ---- R11 to R13: functional observers ----
@@ -334,14 +363,14 @@ def test_aho_e6_what_is_held_for_a_period_leaves_an_error_of_its_order(
 ) -> None:
     """Agents follow their neighbours' words of a period ago: about 5 h at the end, not 1e-9."""
     final = []
-    for h in (0.01, 0.0025):
+    for h in (0.01, 0.02):
         changes = ("--set", f"time.period_s={h}", "--set", f"time.duration_s={10 + h}")
         run = recorded("aho-e6", None, *changes)
         found = same_states(run, run.network("consistent"))
         assert found is not None
         final.append(np.abs(found[2][:, -1]).max())
-    assert final[0] < 6 * 0.01
-    assert final[1] == pytest.approx(final[0] / 4, rel=0.1)
+    assert 1e-3 < final[0] < 6 * 0.01
+    assert final[1] == pytest.approx(2 * final[0], rel=0.15)
 
 
 # ---- the shipped matrices ----
