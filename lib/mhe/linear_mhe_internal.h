@@ -20,7 +20,14 @@ static inline int linear_mhe_place(const struct dse_linear_mhe *mhe, int j)
     return place < 0 ? place + mhe->N : place;
 }
 
-bool linear_mhe_is_complete(const struct dse_linear_mhe *mhe, int place);
+static inline bool linear_mhe_is_complete(const struct dse_linear_mhe *mhe, int place)
+{
+    for (int j = 0; j < mhe->ny; j++)
+        if (mhe->has[place * mhe->ny + j] == 0)
+            return false;
+    return true;
+}
+
 bool linear_mhe_has_data(const struct dse_linear_mhe *mhe, int place);
 /* L^-1 C of the sample in that place. */
 const dse_real *linear_mhe_rows(const struct dse_linear_mhe *mhe, int place);

@@ -6,14 +6,6 @@
 #include "dse/math.h"
 #include "linear_mhe_internal.h"
 
-bool linear_mhe_is_complete(const struct dse_linear_mhe *mhe, int place)
-{
-    for (int j = 0; j < mhe->ny; j++)
-        if (mhe->has[place * mhe->ny + j] == 0)
-            return false;
-    return true;
-}
-
 bool linear_mhe_has_data(const struct dse_linear_mhe *mhe, int place)
 {
     for (int j = 0; j < mhe->ny; j++)

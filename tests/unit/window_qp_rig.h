@@ -157,7 +157,7 @@ static inline void rig_assert_optimal(const struct rig *rig, const struct dse_wi
                                       double tolerance)
 {
     const int all = rig->nz * rig->H, stride = rig->nz + rig->nr;
-    double z[Z_MAX], g[Z_MAX], n[Z_MAX];
+    double z[Z_MAX] = {0}, g[Z_MAX] = {0}, n[Z_MAX] = {0};
     for (int i = 0; i < all; i++)
         z[i] = (double)dse_window_qp_z(qp)[i];
     rig_multiply(rig, z, g);
