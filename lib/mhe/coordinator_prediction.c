@@ -236,6 +236,10 @@ enum dse_mhe_outcome coordinator_advance_prediction(struct dse_mhe_coordinator *
         go_back(c);
         return DSE_MHE_CONTINUE;
     }
+    if (count_failures(c, MHE_INFEASIBLE) > 0) { /* without bounds: not finite */
+        forget(c);
+        return DSE_MHE_OUTCOME_DIVERGED;
+    }
     c->accepted = true;
     c->error = change(c);
     if (c->error < c->config->eps && !c->config->fixed_iterations &&

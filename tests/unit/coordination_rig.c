@@ -85,10 +85,25 @@ static bool delivers(const struct coordination *net, int i, bool up)
     return net->delivers == NULL || net->delivers(net, i, up);
 }
 
+static double now(const struct coordination *net)
+{
+    return net->clock ? net->clock() : 0;
+}
+
+/* Adds what has passed since `from`; returns the present time. */
+static double charge(const struct coordination *net, double from, double *account)
+{
+    const double to = now(net);
+    *account += to - from;
+    return to;
+}
+
 static void one_round(struct coordination *net, int i)
 {
     struct dse_mhe_local *local = &net->local[i];
+    double time = now(net);
     const int count = dse_mhe_coordinator_message_down(&net->coordinator, i, net->down[i]);
+    time = charge(net, time, &net->coordinator_time);
     net->messages++;
     net->reals += count;
     if (!delivers(net, i, false) ||
@@ -98,38 +113,56 @@ static void one_round(struct coordination *net, int i)
         return;
     dse_mhe_local_solve(local);
     const int answer = dse_mhe_local_message_up(local, net->up);
+    time = charge(net, time, &net->agent_time[i]);
     net->messages++;
     net->reals += answer;
     if (!delivers(net, i, true) ||
         dse_mhe_coordinator_receive_up(&net->coordinator, i, net->up, answer) != DSE_OK)
         dse_mhe_coordinator_missing_up(&net->coordinator, i);
+    (void)charge(net, time, &net->coordinator_time);
+}
+
+static void begin_agents(struct coordination *net, long k, const dse_real *y, const bool *valid)
+{
+    double time = now(net);
+    net->k = k;
+    for (int i = 0; i < net->config.parts; i++) {
+        const int at = net->first_output[i];
+        const struct dse_measurement measurement = {y + at, valid ? valid + at : NULL};
+        (void)dse_mhe_local_begin(&net->local[i], k, &measurement);
+        time = charge(net, time, &net->agent_time[i]);
+    }
+}
+
+static enum dse_mhe_outcome begin_coordinator(struct coordination *net, long k)
+{
+    if (net->without_coordinator)
+        return DSE_MHE_OUTCOME_ALONE;
+    const double time = now(net);
+    (void)dse_mhe_coordinator_begin(&net->coordinator, k);
+    (void)charge(net, time, &net->coordinator_time);
+    return dse_mhe_coordinator_outcome(&net->coordinator);
 }
 
 enum dse_mhe_outcome coordination_sample(struct coordination *net, long k, const dse_real *y,
                                          const bool *valid)
 {
-    const int parts = net->config.parts;
-    net->k = k;
-    for (int i = 0; i < parts; i++) {
-        const int at = net->first_output[i];
-        const struct dse_measurement measurement = {y + at, valid ? valid + at : NULL};
-        (void)dse_mhe_local_begin(&net->local[i], k, &measurement);
-    }
-    enum dse_mhe_outcome outcome = DSE_MHE_OUTCOME_ALONE;
-    if (!net->without_coordinator) {
-        (void)dse_mhe_coordinator_begin(&net->coordinator, k);
-        outcome = dse_mhe_coordinator_outcome(&net->coordinator);
-    }
+    begin_agents(net, k, y, valid);
+    enum dse_mhe_outcome outcome = begin_coordinator(net, k);
     const bool starting = outcome != DSE_MHE_CONTINUE;
     while (outcome == DSE_MHE_CONTINUE) {
-        for (int i = 0; i < parts; i++)
+        for (int i = 0; i < net->config.parts; i++)
             one_round(net, i);
+        const double time = now(net);
         outcome = dse_mhe_coordinator_advance(&net->coordinator);
+        (void)charge(net, time, &net->coordinator_time);
     }
-    for (int i = 0; i < parts; i++) {
+    for (int i = 0; i < net->config.parts; i++) {
         if (!starting)
             one_round(net, i); /* stop */
+        const double time = now(net);
         dse_mhe_local_finish(&net->local[i]);
+        (void)charge(net, time, &net->agent_time[i]);
     }
     return outcome;
 }
@@ -162,8 +195,10 @@ enum dse_status coordination_alone_start(struct coordination_alone *alone, int h
                                                 .min_horizon = min_horizon,
                                                 .barrier = (dse_real)barrier};
     const dse_real *start = alone->config.start;
-    alone->config = (struct dse_mhe_local_config){
-        .settings = &alone->settings, .subsystem = subsystem, .start = start};
+    alone->config = (struct dse_mhe_local_config){.settings = &alone->settings,
+                                                  .subsystem = subsystem,
+                                                  .start = start,
+                                                  .max_active = alone->max_active};
     enum dse_status status = take(dse_mhe_local_storage(&alone->config), &alone->memory, &arena);
     if (status == DSE_OK)
         status = dse_mhe_local_init(&alone->local, &alone->config, &arena);

@@ -30,6 +30,10 @@ struct coordination {
     dse_real *memory[RIG_MAX_PARTS + 1];
     dse_real *down[RIG_MAX_PARTS], *up;
     long messages, reals; /* handed over, both ways */
+
+    double (*clock)(void);            /* seconds, for benchmarks; NULL: nothing is measured */
+    double coordinator_time;          /* in all calls so far, */
+    double agent_time[RIG_MAX_PARTS]; /* and in those of each agent */
 };
 
 /* net->settings and net->config are set (but config.settings). Fails the way the objects do. */
@@ -48,6 +52,7 @@ struct coordination_alone {
     struct dse_mhe_local_config config;
     struct dse_mhe_local local;
     dse_real *memory;
+    int max_active; /* of the bounded problem, 0: all */
 };
 enum dse_status coordination_alone_start(struct coordination_alone *alone, int horizon,
                                          int min_horizon, double barrier,
