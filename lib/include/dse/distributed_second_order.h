@@ -13,7 +13,7 @@
  * meant to be mutual; a neighbour that says nothing in a round is left out of its sums.
  *
  * With w_i, S_i the prediction, G_i the gain of S_i, C_i, R_i, and of information form
- *     u_i = C_i'R_i^-1 m_i,  Y_i = C_i'R_i^-1 C_i,  M_i = (I + S_i Y)^-1 S_i = L (I + L'Y L)^-1 L'.
+ *     u_i = C_i'R_i^-1 m_i,  Y_i = C_i'R_i^-1 C_i,  M_i = (I + S_i Y)^-1 S_i = Z'(I + Z Y Z')^-1 Z.
  * Equation numbers are those of the consensus-based second-order observers source, sections those
  * of its spec. */
 #ifndef DSE_DISTRIBUTED_SECOND_ORDER_H
@@ -117,9 +117,11 @@ struct dse_dso {
     dse_real *u;     /* nx, and Y (packed): own information */
     dse_real *Y;
     dse_real *v;      /* consensus filters: [c or v of u; v; b], packed */
-    dse_real *before; /* nx: w_i, while x is corrected */
+    dse_real *before; /* nx: S_i sum_N (w_j - w_i) */
+    dse_real *fused;  /* ny: fused measurements */
     dse_real *scratch;
     bool open;      /* a sample has begun and not ended */
+    bool informed;  /* a channel or a neighbour was ever used */
     bool any_heard; /* in this sample */
     bool refused;   /* a message, or a fused matrix, in this sample */
     enum dse_health health;
@@ -130,10 +132,11 @@ struct dse_dso {
 #define DSE_DSO_PACKED(nx) ((nx) * ((nx) + 1) / 2)
 /* Reals of the longest message of any scheme. */
 #define DSE_DSO_MESSAGE(nx, ny) (2 * DSE_DSO_PACKED(nx) + (nx) + 3 * (ny))
+#define DSE_DSO_SCRATCH(nx)     (DSE_DSO_PACKED(nx) + 2 * (nx) + 2 * (nx) * (nx))
 /* Reals that dse_dso_init takes at most. */
 #define DSE_DSO_STORAGE(nx, ny, neighbours)                                                        \
     (DSE_SECOND_ORDER_STORAGE(nx, ny) + ((neighbours) + 1) * (DSE_DSO_MESSAGE(nx, ny) + 1) +       \
-     3 * DSE_DSO_PACKED(nx) + 4 * (nx) + 2 * (ny) + 3 * (nx) * (nx))
+     3 * DSE_DSO_PACKED(nx) + 3 * (nx) + 2 * (ny) + DSE_DSO_SCRATCH(nx))
 
 /* As dse_second_order_init; DSE_EINVAL also: settings of the network outside their ranges. */
 enum dse_status dse_dso_init(struct dse_dso *node, const struct dse_dso_config *config,

@@ -55,6 +55,9 @@ void dse_quadratic_add_jacobian(int nx, const struct dse_quadratic *system, cons
 void dse_quadratic_add_trace(int nx, const struct dse_quadratic *system, const dse_real *S,
                              dse_real *dx);
 
+/* |F| = sqrt(sum of all F_k[i][j]^2): |q(x)| <= |F| |x|^2. */
+dse_real dse_quadratic_norm(const struct dse_quadratic *system);
+
 /* Certificate of stability of x' = A x + q(x): with V = |x|^2 / 2 and both properties
  * V' = x'(A + A')x / 2 <= 0, and the second-order predictor's |w|^2 + tr S cannot grow either. */
 struct dse_quadratic_certificate {

@@ -7,9 +7,10 @@
  * (3.56) G  = S C'(C S C' + R)^-1,  xh = w + G (m - C w),  Sigma = S - G C S              (3.52),
  * (3.59)
  *
- * Between samples S is kept as L L' with L' = J L: any Runge-Kutta step of it is a congruence, so
- * that S stays positive semidefinite whatever the step is. The update has Joseph's form. S may
- * become singular (without Q it decays to 0); it is never inverted.
+ * S is kept as Z'Z. Between samples L = Z' is integrated, L' = J L, so that any Runge-Kutta step is
+ * a congruence; channels enter one by one by Potter's square-root update. S therefore stays
+ * positive semidefinite whatever the steps and the rounding are. It may become singular (without Q
+ * it decays to 0) and is never inverted.
  *
  *     dse_second_order_predict(&f, t, u);                    now w, S at t
  *     dse_second_order_update(&f, &measurement);             now xh, Sigma
@@ -38,8 +39,8 @@ enum dse_second_order_kind {
     DSE_SECOND_ORDER = 0,          /* with the trace term */
     DSE_SECOND_ORDER_EXTENDED = 1, /* without: an extended Kalman filter */
     /* 2 nx points w +- sqrt(nx) columns of S^(1/2) of equal weight through the plant's equations
-     * (section 4.8); S^(1/2) by elimination with pivoting, which a singular S cannot stop. Q adds
-     * its integral over the interval, half at each end. */
+     * (section 4.8); S^(1/2) is Z', which a singular S cannot stop. Q adds its integral over the
+     * interval at the end. */
     DSE_SECOND_ORDER_UNSCENTED = 2
 };
 
@@ -91,9 +92,10 @@ struct dse_second_order {
     int nx, ny;
     dse_real time;
     dse_real *x;      /* nx */
-    dse_real *S;      /* nx x nx */
+    dse_real *Z;      /* nx x nx: S = Z'Z */
     dse_real *x_next; /* filled by a step and exchanged for the above on success */
-    dse_real *S_next;
+    dse_real *Z_next;
+    dse_real *S;          /* nx x nx: of the present Z */
     dse_real *y;          /* ny: the measurement at hand */
     dse_real *has;        /* ny: 1 where there is a value that is used, else 0 */
     dse_real *innovation; /* ny: m - C w, 0 where there is no value */
@@ -113,15 +115,15 @@ struct dse_second_order {
 #define DSE_SECOND_ORDER_INTEGRATED(nx) ((nx) + 2 * (nx) * (nx))
 #define DSE_SECOND_ORDER_SCRATCH_PREDICT(nx)                                                       \
     (DSE_SECOND_ORDER_INTEGRATED(nx) + DSE_RK45_SCRATCH(DSE_SECOND_ORDER_INTEGRATED(nx)) +         \
-     2 * (nx) * (nx) + (nx))
+     3 * (nx) * (nx))
 #define DSE_SECOND_ORDER_SCRATCH_UPDATE(nx, ny)                                                    \
-    (5 * (nx) * (nx) + 4 * (nx) * (ny) + 3 * (ny) * (ny) + 2 * (ny) + 3 * (nx))
+    (4 * (nx) * (nx) + 2 * (nx) + (nx) * (ny) + 2 * (ny) * (ny) + (ny))
 #define DSE_SECOND_ORDER_SCRATCH(nx, ny)                                                           \
     DSE_SECOND_ORDER_LARGER(DSE_SECOND_ORDER_SCRATCH_PREDICT(nx),                                  \
                             DSE_SECOND_ORDER_SCRATCH_UPDATE(nx, ny))
-/* Reals that dse_second_order_init takes at most, whatever the kind. */
+/* Reals that dse_second_order_init takes. */
 #define DSE_SECOND_ORDER_STORAGE(nx, ny)                                                           \
-    (2 * (nx) + 2 * (nx) * (nx) + 3 * (ny) + DSE_SECOND_ORDER_SCRATCH(nx, ny))
+    (2 * (nx) + 3 * (nx) * (nx) + 3 * (ny) + DSE_SECOND_ORDER_SCRATCH(nx, ny))
 
 /* DSE_EINVAL: a value outside its range, a model that is not quadratic, a matrix that is missing or
  * not symmetric; DSE_ENOTPD: S0, Q, R; DSE_ENONFINITE; DSE_ESTORAGE. */
@@ -135,13 +137,13 @@ enum dse_status dse_second_order_set(struct dse_second_order *filter, dse_real t
                                      const dse_real *S);
 
 /* To time t with the input u (nu, held; NULL when there is none). DSE_EINVAL: t not finite or
- * before the estimate; DSE_ENONFINITE, DSE_ENOCONV: too many steps; DSE_ENOTPD: S is not positive
- * semidefinite any more. */
+ * before the estimate; DSE_ENONFINITE; DSE_ENOCONV: too many steps; DSE_ENOTPD: steps too
+ * coarse for Q. */
 enum dse_status dse_second_order_predict(struct dse_second_order *filter, dse_real t,
                                          const dse_real *u);
 
 /* Corrects with a sample of the outputs taken at dse_second_order_time. Missing and non-finite
- * channels are left out; when none is left the filter coasts, which is no error. DSE_ENOTPD,
+ * channels are left out; when none is left the filter coasts, which is no error.
  * DSE_ENONFINITE. */
 enum dse_status dse_second_order_update(struct dse_second_order *filter,
                                         const struct dse_measurement *measurement);
