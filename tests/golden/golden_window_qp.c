@@ -39,7 +39,7 @@ static int read(const json_t *object, const char *key, int expected, double *out
 
 static int read_plant(const json_t *root, struct plant *p)
 {
-    double Q[NX * PART], R[NY];
+    double Q[NX * PART] = {0}, R[NY] = {0};
     *p = (struct plant){.A = {0}};
     const int ok = read(root, "A", NX * NX, p->A) && read(root, "Q", NX * PART, Q) &&
                    read(root, "R", NY, R) && read(root, "xlb", NX, p->x_min) &&
@@ -174,7 +174,7 @@ static int check_window(const struct plant *p, const json_t *object)
 {
     const int H = (int)golden_number(object, "H", 0), k = (int)golden_number(object, "k", 0);
     const int expected = (int)golden_number(object, "active", -1);
-    double y[H_MAX * NY], reference[ALL], x[ALL] = {0};
+    double y[H_MAX * NY] = {0}, reference[ALL] = {0}, x[ALL] = {0};
     int active = -1;
     if (H < 1 || H > H_MAX || !read(object, "y", H * NY, y) ||
         !read(object, "X", H * NX, reference))
