@@ -276,6 +276,17 @@ def test_aho_kf_variants_all_beat_filters_alone(recorded: Recorded) -> None:
     assert gains.max() == pytest.approx(10)
 
 
+def test_aho_lti_gains_of_the_desk_do_as_well(recorded: Recorded) -> None:
+    """In the filter, and in an observer that is another piece of code and interpolates."""
+    run = recorded("aho-lti")
+    found = {network.name: together(run, network.name) for network in run.networks}
+    assert found["given"].error_integral == pytest.approx(found["riccati"].error_integral, rel=0.02)
+    assert found["observer"].l2_norm == pytest.approx(found["given"].l2_norm, rel=0.02)
+    assert found["given"].error_integral < 0.97 * found["alone"].error_integral
+    final = estimates(run, "observer")[-1] - estimates(run, "given")[-1]
+    assert np.abs(final).max() < 0.2
+
+
 # ---- R6 to R10: unknown-input observers ----
 
 
