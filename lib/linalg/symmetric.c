@@ -74,3 +74,17 @@ enum dse_status dse_sym_check(int n, const dse_real *S)
     }
     return DSE_OK;
 }
+
+void dse_sym_pack(int n, const dse_real *S, dse_real *packed)
+{
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j <= i; j++)
+            *packed++ = S[i * n + j];
+}
+
+void dse_sym_unpack(int n, const dse_real *packed, dse_real *S)
+{
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j <= i; j++)
+            S[i * n + j] = S[j * n + i] = *packed++;
+}

@@ -4,6 +4,8 @@
 
 #include "dse/active_set.h"
 #include "dse/arena.h"
+#include "dse/consensus.h"
+#include "dse/consensus_kalman.h"
 #include "dse/coordinated_mhe.h"
 #include "dse/distributed_kalman.h"
 #include "dse/distributed_observer.h"
@@ -14,6 +16,7 @@
 #include "dse/graph.h"
 #include "dse/health.h"
 #include "dse/high_gain_ekf.h"
+#include "dse/information.h"
 #include "dse/kalman.h"
 #include "dse/linalg.h"
 #include "dse/linear_mhe.h"

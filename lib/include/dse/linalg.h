@@ -44,6 +44,11 @@ void dse_sym_enforce(int n, dse_real *S);
 /* Whether S can be a covariance as far as a look tells: finite (DSE_ENONFINITE) and with triangles
  * that agree but for rounding, half of the digits relative to the variances (DSE_EINVAL). */
 enum dse_status dse_sym_check(int n, const dse_real *S);
+/* Reals of a packed symmetric matrix: its lower triangle by rows. */
+#define DSE_SYM_PACKED(n) ((n) * ((n) + 1) / 2)
+/* packed = lower triangle of S (n x n); and S of packed. */
+void dse_sym_pack(int n, const dse_real *S, dse_real *packed);
+void dse_sym_unpack(int n, const dse_real *packed, dse_real *S);
 
 /* ---- factorisations and solves (lib/linalg/cholesky.c, ldl.c, lu.c, qr.c) ---- */
 
