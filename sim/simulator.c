@@ -23,6 +23,8 @@ struct simulator {
     struct sim_noise_source measurement;
     struct dse_random missing_stream[DSE_PLANT_MAX_OUTPUTS];
     double missing;
+    struct sim_outage *outages; /* n_outages */
+    int n_outages;
     double x[DSE_PLANT_MAX_STATES];
     double u[DSE_PLANT_MAX_INPUTS];
     bool jumped;                    /* u at the latest sample is not where it was going */
@@ -86,6 +88,10 @@ static bool check_numbers(const struct sim_config *config, char *reason, int siz
     if (!(config->missing >= 0 && config->missing <= 1))
         return sim_reason(reason, size, "; the probability %g of a missing value is not in [0, 1]",
                           config->missing);
+    for (int k = 0; k < config->n_outages; k++)
+        if (config->outages[k].output < 0 || config->outages[k].output >= plant->ny)
+            return sim_reason(reason, size, "; there is no output %d to be out",
+                              config->outages[k].output);
     return check_values(plant->states, "initial value", config->x0, plant->nx, reason, size) &&
            check_values(plant->inputs, "constant value", config->u, plant->nu, reason, size) &&
            check_noise(&config->process, plant->states, "process noise", plant->nx, reason, size) &&
@@ -122,6 +128,16 @@ static bool evaluate_outputs(struct simulator *sim, double t, const double *x, c
     return true;
 }
 
+/* A value is missing by chance or because its sensor is out; the draws are the same either way. */
+static void draw_valid(struct simulator *sim, int64_t k)
+{
+    for (int j = 0; j < sim->field.model.ny; j++)
+        sim->valid[j] = dse_random_uniform(&sim->missing_stream[j]) >= sim->missing;
+    for (int i = 0; i < sim->n_outages; i++)
+        if (k >= sim->outages[i].first && k < sim->outages[i].end)
+            sim->valid[sim->outages[i].output] = false;
+}
+
 /* The states that follow from the others and the inputs. */
 static void complete(const struct simulator *sim, double t, const double *u, double *x)
 {
@@ -150,8 +166,7 @@ static bool enter_sample(struct simulator *sim, int64_t k, const double *x, char
     sim_noise_draw(&sim->measurement, v);
     for (int j = 0; j < model->ny; j++)
         sim->y[j] = y[j] + v[j];
-    for (int j = 0; j < model->ny; j++)
-        sim->valid[j] = dse_random_uniform(&sim->missing_stream[j]) >= sim->missing;
+    draw_valid(sim, k);
     if (sim->driver != NULL) {
         sim_driver_control(sim->driver, k, sim->y, sim->valid, u);
         sim->jumped = inputs_jump(sim, t, u);
@@ -166,6 +181,18 @@ static bool enter_sample(struct simulator *sim, int64_t k, const double *x, char
 static bool is_discrete(const struct simulator *sim)
 {
     return sim->field.model.time == DSE_DISCRETE;
+}
+
+static bool copy_outages(struct simulator *sim, const struct sim_config *config, char *reason,
+                         int size)
+{
+    sim->outages = calloc((size_t)config->n_outages + 1, sizeof *sim->outages);
+    if (sim->outages == NULL)
+        return sim_reason(reason, size, "; no memory");
+    for (int k = 0; k < config->n_outages; k++)
+        sim->outages[k] = config->outages[k];
+    sim->n_outages = config->n_outages;
+    return true;
 }
 
 static void copy_config(struct simulator *sim, const struct sim_config *config)
@@ -222,7 +249,7 @@ static bool set_up(struct simulator *sim, const struct sim_config *config, char 
         !check_numbers(config, reason, size))
         return false;
     copy_config(sim, config);
-    return create_driver(sim, config, reason, size) &&
+    return copy_outages(sim, config, reason, size) && create_driver(sim, config, reason, size) &&
            (sim->integrator == SIM_RK4 || is_discrete(sim) ||
             create_cvode(sim, config, reason, size)) &&
            enter_sample(sim, 0, sim->x, reason, size);
@@ -248,6 +275,7 @@ void sim_destroy(struct simulator *sim)
         return;
     sim_cvode_destroy(sim->cvode);
     sim_driver_destroy(sim->driver);
+    free(sim->outages);
     free(sim);
 }
 

@@ -24,6 +24,12 @@ enum sim_integrator {
     SIM_RK4    /* one classical Runge-Kutta step per sample, as the reference runs have it */
 };
 
+/* A sensor that is out: no value of output `output` at samples first .. end - 1. */
+struct sim_outage {
+    int output;
+    int64_t first, end;
+};
+
 struct sim_config {
     const struct dse_plant *plant;  /* must outlive the simulator, as prepared must */
     const dse_real *prepared;       /* what plant->prepare made of the parameters */
@@ -39,6 +45,8 @@ struct sim_config {
                                    * model: to the next state, units */
     struct sim_noise measurement; /* ny channels, added to the output */
     double missing; /* probability that an output's value is missing, per output and sample */
+    const struct sim_outage *outages; /* values that do not come either; NULL: none */
+    int n_outages;
     uint64_t seed;
 };
 

@@ -82,6 +82,21 @@ static void fill_inputs(const struct scenario *scenario, double *u)
                                               : (double)scenario->process->inputs[i].nominal;
 }
 
+/* Sensors that are out, in samples; NULL without memory. */
+static struct sim_outage *outages_of(const struct scenario *scenario)
+{
+    const struct scenario_noises *noise = &scenario->noise;
+    struct sim_outage *outages = calloc((size_t)noise->dead_count + 1, sizeof *outages);
+    for (unsigned k = 0; outages != NULL && k < noise->dead_count; k++) {
+        const struct scenario_dead_sensor *dead = &noise->dead[k];
+        while (strcmp(scenario->process->outputs[outages[k].output].name, dead->output) != 0)
+            outages[k].output++;
+        outages[k].first = scenario_sample_at(scenario, dead->start_s);
+        outages[k].end = dead->end_s > 0 ? scenario_sample_at(scenario, dead->end_s) : INT64_MAX;
+    }
+    return outages;
+}
+
 bool plant_source(const struct scenario *scenario, struct sample_source *source,
                   struct error *error)
 {
@@ -97,8 +112,9 @@ bool plant_source(const struct scenario *scenario, struct sample_source *source,
     plant->process = process;
     char reason[256] = "out of memory";
     struct plant_drives drives = {0};
-    bool ok = plant->values != NULL && plant->prepared != NULL && plant->u != NULL &&
-              plant->truth != NULL && plant_drives_make(scenario, &drives) &&
+    struct sim_outage *outages = outages_of(scenario);
+    bool ok = outages != NULL && plant->values != NULL && plant->prepared != NULL &&
+              plant->u != NULL && plant->truth != NULL && plant_drives_make(scenario, &drives) &&
               scenario_prepare_plant(scenario, NULL, plant->values, plant->prepared, error);
     if (ok) {
         fill_inputs(scenario, plant->u);
@@ -116,12 +132,15 @@ bool plant_source(const struct scenario *scenario, struct sample_source *source,
             .process = noise_of(&scenario->noise.process),
             .measurement = noise_of(&scenario->noise.measurement),
             .missing = scenario->noise.missing,
+            .outages = outages,
+            .n_outages = (int)scenario->noise.dead_count,
             .seed = scenario->seed,
         };
         plant->sim = sim_create(&config, reason, (int)sizeof reason);
         ok = plant->sim != NULL;
     }
     plant_drives_free(&drives);
+    free(outages);
     if (!ok) {
         destroy(plant);
         return error_set(error, "cannot set up the plant %s: %s", process->name, reason);

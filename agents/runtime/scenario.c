@@ -153,6 +153,11 @@ int64_t scenario_samples(const struct scenario *scenario)
     return llround(scenario->time.duration_s / scenario->time.period_s);
 }
 
+int64_t scenario_sample_at(const struct scenario *scenario, double seconds)
+{
+    return (int64_t)ceil(seconds / scenario->time.period_s - 1e-9);
+}
+
 double scenario_period(const struct scenario *scenario)
 {
     return scenario->time.period_s / (double)scenario->process->time_unit_s;

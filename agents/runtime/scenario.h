@@ -138,10 +138,19 @@ struct scenario_noise {
     unsigned limit_count;
 };
 
+/* No value of an output comes in [start_s, end_s): a sensor that is out. */
+struct scenario_dead_sensor {
+    char *output;
+    double start_s; /* seconds of plant time */
+    double end_s;   /* 0: never ends */
+};
+
 struct scenario_noises {
     struct scenario_noise process;
     struct scenario_noise measurement;
     double missing; /* probability that an output's value does not come, per sample, [0, 1] */
+    struct scenario_dead_sensor *dead;
+    unsigned dead_count;
 };
 
 /* Who hears whom, for methods whose nodes do not all hear each other. */
@@ -289,6 +298,8 @@ bool scenario_find(const char *name, char *path, unsigned path_size, struct erro
 
 /* Number of samples, duration_s / period_s rounded: k = 0 .. samples-1. */
 int64_t scenario_samples(const struct scenario *scenario);
+/* The first sample that is not before `seconds`; 1e-9 of a period forgives decimals such as 0.1. */
+int64_t scenario_sample_at(const struct scenario *scenario, double seconds);
 /* Sampling period in the plant's time unit: period_s / time_unit_s. */
 double scenario_period(const struct scenario *scenario);
 /* timeouts.patience_s or its default. */

@@ -153,6 +153,32 @@ static bool judge_noise(struct judge *j, const char *path, const struct scenario
     return true;
 }
 
+/* Sensors that are out: outputs of the plant, for a time. */
+static bool judge_dead(struct judge *j)
+{
+    const struct dse_plant *plant = j->scenario->process;
+    char key[64];
+    for (unsigned k = 0; k < j->scenario->noise.dead_count; k++) {
+        const struct scenario_dead_sensor *dead = &j->scenario->noise.dead[k];
+        struct scenario_words outputs = {.count = 0};
+        bool known = false;
+        for (int i = 0; i < plant->ny; i++) {
+            scenario_words_add(&outputs, plant->outputs[i].name);
+            known |= strcmp(plant->outputs[i].name, dead->output) == 0;
+        }
+        snprintf(key, sizeof key, "noise.dead[%u].output", k);
+        if (!known)
+            return fail_word(j, key, "the plant has no output", dead->output, &outputs);
+        snprintf(key, sizeof key, "noise.dead[%u]", k);
+        if (dead->end_s > 0 && dead->end_s <= dead->start_s)
+            return fail(j, key, "ends at %.10g s, which is not after its start at %.10g s",
+                        dead->end_s, dead->start_s);
+        if (fmax(dead->start_s, dead->end_s) / j->scenario->time.period_s > SCENARIO_MAX_SAMPLES)
+            return fail(j, key, "lies beyond the longest run");
+    }
+    return true;
+}
+
 static bool judge_section(struct judge *j, const char *path, const struct scenario_network *network)
 {
     struct scenario_words methods = {.count = 0};
@@ -206,7 +232,7 @@ bool scenario_judge(struct scenario_tree *tree, struct scenario *scenario, struc
         judge_parameters(j, "plant.parameters", plant->parameters, plant->parameters_count) &&
         judge_prepare(j, "plant.parameters", NULL) && scenario_judge_drive(tree, scenario, error) &&
         judge_noise(j, "noise.process", &scenario->noise.process) &&
-        judge_noise(j, "noise.measurement", &scenario->noise.measurement);
+        judge_noise(j, "noise.measurement", &scenario->noise.measurement) && judge_dead(j);
     for (unsigned i = 0; good && i < scenario->networks_count; i++)
         good = judge_network(j, i);
     return good;

@@ -122,12 +122,6 @@ static bool read_recording(const struct place *p)
 
 /* ---- outages ---- */
 
-/* The first sample that is not before `seconds`; 1e-9 of a period forgives decimals such as 0.1. */
-static int64_t first_sample(const struct scenario *scenario, double seconds)
-{
-    return (int64_t)ceil(seconds / scenario->time.period_s - 1e-9);
-}
-
 static bool judge_outage(const struct place *p, unsigned k)
 {
     const struct scenario_outage *outage = &p->link->outages[k];
@@ -152,8 +146,8 @@ static bool judge_outage(const struct place *p, unsigned k)
     p->fates->outages[k] = (struct dse_link_outage){
         .from = outage->from,
         .to = outage->to,
-        .first = first_sample(p->scenario, outage->start_s),
-        .end = outage->end_s > 0 ? first_sample(p->scenario, outage->end_s) : INT64_MAX};
+        .first = scenario_sample_at(p->scenario, outage->start_s),
+        .end = outage->end_s > 0 ? scenario_sample_at(p->scenario, outage->end_s) : INT64_MAX};
     return true;
 }
 

@@ -126,10 +126,19 @@ static const cyaml_schema_field_t noise_fields[] = {
     CYAML_FIELD_SEQUENCE("limit", OPTIONAL_POINTER, struct scenario_noise, limit, &number, 0,
                          LONGEST_LIST),
     CYAML_FIELD_END};
+static const cyaml_schema_field_t dead_fields[] = {
+    CYAML_FIELD_STRING_PTR("output", CYAML_FLAG_POINTER, struct scenario_dead_sensor, output, 1,
+                           63),
+    CYAML_FIELD_FLOAT("start_s", CYAML_FLAG_DEFAULT, struct scenario_dead_sensor, start_s),
+    CYAML_FIELD_FLOAT("end_s", OPTIONAL, struct scenario_dead_sensor, end_s), CYAML_FIELD_END};
+static const cyaml_schema_value_t dead = {
+    CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct scenario_dead_sensor, dead_fields)};
 static const cyaml_schema_field_t noises_fields[] = {
     CYAML_FIELD_MAPPING("process", OPTIONAL, struct scenario_noises, process, noise_fields),
     CYAML_FIELD_MAPPING("measurement", OPTIONAL, struct scenario_noises, measurement, noise_fields),
-    CYAML_FIELD_FLOAT("missing", OPTIONAL, struct scenario_noises, missing), CYAML_FIELD_END};
+    CYAML_FIELD_FLOAT("missing", OPTIONAL, struct scenario_noises, missing),
+    CYAML_FIELD_SEQUENCE("dead", OPTIONAL_POINTER, struct scenario_noises, dead, &dead, 1, 1000),
+    CYAML_FIELD_END};
 
 static const cyaml_schema_field_t graph_fields[] = {
     CYAML_FIELD_UINT("nodes", CYAML_FLAG_DEFAULT, struct scenario_graph, nodes),
@@ -401,6 +410,18 @@ const struct scenario_rule scenario_rules[] = {
      .max = 1,
      .absent = "0",
      .meaning = "probability that an output's value is missing, drawn per output and sample"},
+    {.key = "noise.dead",
+     SCENARIO_ANY,
+     .absent = "none",
+     .meaning = "sensors that give no value for a time"},
+    {.key = "noise.dead[].output", SCENARIO_ANY, .meaning = "an output of the plant"},
+    {.key = "noise.dead[].start_s",
+     SCENARIO_AT_LEAST(0),
+     .meaning = "from the first sample not before it, in seconds"},
+    {.key = "noise.dead[].end_s",
+     SCENARIO_ABOVE(0),
+     .absent = "never ends",
+     .meaning = "to the last sample before it, in seconds"},
     {.key = "networks",
      SCENARIO_ANY,
      .meaning = "estimators side by side on the same measurements; each with one method"},

@@ -228,6 +228,14 @@ static void numbers_out_of_their_limits_are_refused(void **state)
         {"every: 2", "every: 1000001", "every: 1000001 is out of range"},
         {"noise:\n", "noise:\n  missing: 1.5\n",
          "x.yaml:13: noise.missing: 1.5 is out of range; it must be >= 0 and <= 1"},
+        {"noise:\n", "noise:\n  dead: [{output: y1, start_s: -1}]\n",
+         "x.yaml:13: noise.dead[0].start_s: -1 is out of range; it must be >= 0"},
+        {"noise:\n", "noise:\n  dead: [{output: y1, start_s: 2, end_s: 1}]\n",
+         "x.yaml:13: noise.dead[0]: ends at 1 s, which is not after its start at 2 s"},
+        {"noise:\n", "noise:\n  dead: [{output: y3, start_s: 2}]\n",
+         "x.yaml:13: noise.dead[0].output: the plant has no output called y3; there are: y1, y2"},
+        {"noise:\n", "noise:\n  dead: [{output: y1, start_s: 1e300}]\n",
+         "x.yaml:13: noise.dead[0]: lies beyond the longest run"},
         {"repeat_s: 0.1", "repeat_s: -1", "x.yaml:29: timeouts.repeat_s: -1 is out of range"},
         {"value: 35", "value: -5",
          "x.yaml:9: plant.parameters[0].value: -5 is out of range; Fr must be >= 0 and <= 1000000 "
@@ -266,7 +274,7 @@ static void names_that_nothing_carries_are_answered_with_what_there_is(void **st
     (void)state;
     static const struct change cases[] = {
         {"name: cstr2", "name: cstr",
-         "x.yaml:7: plant.name: there is no plant called cstr; there are: cstr2"},
+         "x.yaml:7: plant.name: there is no plant called cstr; there are: cavity_forced, "},
         {"set: ch2", "set: ch3",
          "x.yaml:8: plant.set: the plant has no set called ch3; there are: ch2, ch4, cdm (did you"},
         {"name: Fr", "name: F_r",

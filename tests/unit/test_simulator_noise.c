@@ -185,6 +185,38 @@ static void noise_has_the_stated_size_and_its_channels_are_independent(void **st
     }
 }
 
+/* Whatever is drawn: the other values are missing by chance as without it. */
+static void a_dead_sensor_gives_nothing_and_changes_nothing_else(void **state)
+{
+    (void)state;
+    static const struct sim_outage outages[] = {{.output = 1, .first = 2, .end = 5},
+                                                {.output = 1, .first = 8, .end = INT64_MAX}};
+    struct setting plain, dead;
+    set(&plain, &smooth, 0.1);
+    plain.config.missing = 0.3;
+    dead = plain;
+    dead.config.plant = &dead.plant;
+    dead.config.outages = outages;
+    dead.config.n_outages = 2;
+    struct simulator *sim[2] = {create(&plain), create(&dead)};
+    for (int64_t k = 0; k < 60; k++) {
+        const bool *valid[2] = {sim_output_valid(sim[0]), sim_output_valid(sim[1])};
+        const bool out = (k >= 2 && k < 5) || k >= 8;
+        assert_int_equal(valid[1][0], valid[0][0]);
+        assert_int_equal(valid[1][1], valid[0][1] && !out);
+        step(sim[0]);
+        step(sim[1]);
+    }
+    sim_destroy(sim[0]);
+    sim_destroy(sim[1]);
+    char reason[REASON] = "";
+    static const struct sim_outage wrong = {.output = 2};
+    dead.config.outages = &wrong;
+    dead.config.n_outages = 1;
+    assert_null(sim_create(&dead.config, reason, sizeof reason));
+    assert_non_null(strstr(reason, "there is no output 2 to be out"));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -193,6 +225,7 @@ int main(void)
         cmocka_unit_test(a_channel_does_not_notice_the_size_of_its_neighbour),
         cmocka_unit_test(gaussian_noise_stays_within_its_limit),
         cmocka_unit_test(every_output_of_the_largest_plant_has_its_noise),
+        cmocka_unit_test(a_dead_sensor_gives_nothing_and_changes_nothing_else),
         cmocka_unit_test(noise_has_the_stated_size_and_its_channels_are_independent),
     };
     return cmocka_run_group_tests_name("simulator_noise", tests, NULL, NULL);
