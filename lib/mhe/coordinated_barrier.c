@@ -268,9 +268,12 @@ static bool from_outside(struct dse_mhe_local *local, const struct barrier *b, c
     start_inside(H - 1, nx, s->w_min, s->w_max, b->W);
     for (int e = 0; e < (H - 1) * nx; e++)
         b->lambda[e] = 0;
-    for (dse_real t = 1; t < local->settings->barrier; t *= 10)
+    dse_real t = 1;
+    while (t < local->settings->barrier) {
         if (!centre(local, b, h, t, DSE_REAL(1e-3)))
             return false;
+        t *= 10;
+    }
     return centre(local, b, h, local->settings->barrier, enough);
 }
 

@@ -26,13 +26,14 @@ static void find_sizes(struct coordination *net)
 static void find_starts(struct coordination *net)
 {
     const int steps = net->settings.min_horizon - 1;
-    dse_real *x0 = calloc((size_t)net->n, sizeof *x0);
-    dse_real *scratch = calloc((size_t)(2 * net->n), sizeof *scratch);
+    const size_t n = (size_t)net->n;
+    dse_real *x0 = calloc(n + 1, sizeof *x0);
+    dse_real *scratch = calloc(2 * n + 1, sizeof *scratch);
     for (int i = 0; i < net->config.parts; i++) {
         const struct dse_mhe_subsystem *s = &net->config.subsystems[i];
         for (int a = 0; a < s->nx; a++)
             x0[net->first[i] + a] = s->x0 ? s->x0[a] : 0;
-        net->start[i] = calloc((size_t)((steps + 1) * s->nx), sizeof *net->start[i]);
+        net->start[i] = calloc((size_t)steps + 1, (size_t)s->nx * sizeof *net->start[i]);
     }
     for (int i = 0; i < net->config.parts; i++)
         dse_mhe_open_loop(net->n, net->config.A, x0, steps, net->first[i],
@@ -61,7 +62,7 @@ static enum dse_status start_agents(struct coordination *net)
         largest = up > largest ? up : largest;
         net->down[i] = calloc((size_t)DSE_MHE_DOWN_SIZE(s->nx, N), sizeof *net->down[i]);
     }
-    net->up = calloc((size_t)largest, sizeof *net->up);
+    net->up = calloc((size_t)largest + 1, sizeof *net->up);
     return DSE_OK;
 }
 

@@ -385,7 +385,7 @@ static void memory_is_what_the_storage_says_and_no_less_will_do(void **state)
                                                     .max_active = c == 5 ? 9 : 0};
         const int local = dse_mhe_local_storage(&config);
         const int coordinator = dse_mhe_coordinator_storage(&net.config);
-        dse_real *memory = calloc((size_t)(local + coordinator), sizeof *memory);
+        dse_real *memory = calloc((size_t)local + (size_t)coordinator, sizeof *memory);
         struct dse_arena arena;
         dse_arena_init(&arena, memory, local - 1);
         assert_int_equal(dse_mhe_local_init(&net.local[0], &config, &arena), DSE_ESTORAGE);
