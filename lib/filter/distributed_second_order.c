@@ -124,7 +124,7 @@ static enum dse_status correct_and_mix(struct dse_dso *node)
     const int n = filter->nx, offset = dse_dso_message_size(node, node->round) - n;
     const dse_real gain = consensus_gain(node);
     sum_of_differences(node, offset, node->scratch);
-    dse_mat_vec(n, n, filter->S, node->scratch, node->before);
+    dso_weigh(node, node->scratch, node->before, node->scratch + n);
     const enum dse_status status = dso_correct(node);
     if (status != DSE_OK)
         return status;

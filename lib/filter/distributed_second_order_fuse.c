@@ -79,6 +79,19 @@ static void sum_inclusive(const struct dse_dso *node, int offset, int count, dse
             dse_axpy(count, 1, said_by(node, j) + offset, to);
 }
 
+void dso_weigh(const struct dse_dso *node, const dse_real *x, dse_real *y, dse_real *scratch)
+{
+    const int n = node->filter.nx, m = node->filter.ny, packed = DSE_DSO_PACKED(n);
+    if (!dso_sums_measurements(node)) {
+        dse_mat_vec(n, n, node->filter.S, x, y);
+        return;
+    }
+    dse_real *S = scratch + packed;
+    sum_inclusive(node, 2 * m, packed, scratch);
+    dso_unpack(n, scratch, S);
+    dse_mat_vec(n, n, S, x, y);
+}
+
 /* The own one is used in place of fused numbers that are not positive. */
 static void fall_back(struct dse_dso *node)
 {

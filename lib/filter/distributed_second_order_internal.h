@@ -50,6 +50,10 @@ void dso_compose(struct dse_dso *node);
 /* One Euler step of the consensus filters v with what was heard. */
 void dso_step_filters(struct dse_dso *node);
 
+/* y = S x with the covariance S in front of the consensus on predictions: S_i, or the sum of the
+ * neighbourhood's as the source's box of C-I has it. scratch: packed and nx squares. */
+void dso_weigh(const struct dse_dso *node, const dse_real *x, dse_real *y, dse_real *scratch);
+
 /* The estimate and covariance from what was fused: x_next, Z_next of the filter, exchanged. */
 enum dse_status dso_correct(struct dse_dso *node);
 
