@@ -8,78 +8,6 @@
 
 /* ---- sensors ---- */
 
-static const struct dse_subsystem *group_of(const struct method_setup *setup, int node)
-{
-    const struct sensor_network sensors = distributed_kalman_sensors(setup->section);
-    return sensor_network_group(setup, &sensors, node);
-}
-
-static bool same_sensors(const struct distributed_kalman_node *node,
-                         const struct method_setup *setup, int a, int b)
-{
-    const struct dse_subsystem *one = group_of(setup, a), *other = group_of(setup, b);
-    const int nx = setup->process->nx;
-    bool same = one->n_outputs == other->n_outputs;
-    for (int l = 0; same && l < one->n_outputs; l++)
-        same = memcmp(node->C + one->outputs[l] * nx, node->C + other->outputs[l] * nx,
-                      (size_t)nx * sizeof *node->C) == 0;
-    return same;
-}
-
-/* The listeners of node i whose sensors differ, in the order in which it speaks of them. */
-static int voices_of(const struct distributed_kalman_node *node, const struct method_setup *setup,
-                     int i, int *voices)
-{
-    const struct method_graph *graph = setup->graph;
-    int n = 0;
-    for (int k = graph->out_first[i]; k < graph->out_first[i + 1]; k++) {
-        int v = 0;
-        while (v < n && !same_sensors(node, setup, voices[v], graph->out[k]))
-            v++;
-        if (v == n)
-            voices[n++] = graph->out[k];
-    }
-    return n;
-}
-
-/* Where a message of `from` has the values for this node. */
-static int offset_in(const struct distributed_kalman_node *node, const struct method_setup *setup,
-                     int from, int *voices)
-{
-    int n = voices_of(node, setup, from, voices);
-    int offset = 0;
-    for (int v = 0; v < n && !same_sensors(node, setup, voices[v], setup->node); v++)
-        offset += group_of(setup, voices[v])->n_outputs;
-    return offset;
-}
-
-static bool says_states(const struct distributed_kalman_section *section)
-{
-    return section->message == DSE_DKF_FULL || section->scheme == DSE_DKF_STANDARD;
-}
-
-static bool find_voices(struct distributed_kalman_node *node, const struct method_setup *setup,
-                        struct error *error)
-{
-    const struct method_graph *graph = setup->graph;
-    const int i = setup->node;
-    if (node->section->scheme == DSE_DKF_ALONE)
-        return true;
-    int *voices = calloc((size_t)node->nodes + 1, sizeof *voices);
-    node->voices = calloc((size_t)node->nodes + 1, sizeof *node->voices);
-    node->ears = calloc((size_t)node->nodes + 1, sizeof *node->ears);
-    bool ok = voices != NULL && node->voices != NULL && node->ears != NULL;
-    if (ok)
-        node->n_voices = voices_of(node, setup, i, node->voices);
-    for (int k = graph->in_first[i]; ok && k < graph->in_first[i + 1]; k++) {
-        struct distributed_kalman_ear *ear = &node->ears[node->n_ears++];
-        ear->from = graph->in[k];
-        ear->offset = says_states(node->section) ? 0 : offset_in(node, setup, graph->in[k], voices);
-    }
-    free(voices);
-    return ok || error_set(error, "out of memory");
-}
-
 /* Rows of C of all outputs; they are linear in the state and do not change. */
 static bool read_outputs(struct distributed_kalman_node *node, const struct method_setup *setup,
                          struct error *error)
@@ -105,10 +33,10 @@ static bool read_outputs(struct distributed_kalman_node *node, const struct meth
 /* Reals of the matrices that the configuration points to, the messages and the filter itself. */
 static int storage(const struct distributed_kalman_node *node, const struct method_setup *setup)
 {
-    const int nx = setup->process->nx, ny = group_of(setup, setup->node)->n_outputs;
+    const int nx = setup->process->nx, ny = distributed_kalman_group(setup, setup->node)->n_outputs;
     int reals = nx + 3 * nx * nx + ny * ny + 3 * nx * ny;
     for (int v = 0; v < node->n_voices; v++)
-        reals += group_of(setup, node->voices[v])->n_outputs * nx;
+        reals += distributed_kalman_group(setup, node->voices[v])->n_outputs * nx;
     reals += node->section->scheme == DSE_DKF_GLOBAL ? (node->nodes + 1) * ny * ny : 0;
     reals += node->section->discretise ? DISCRETISED_SCRATCH(nx) : 0;
     return reals + (node->section->direction == DSE_DKF_LYAPUNOV
@@ -129,7 +57,7 @@ static const dse_real *diagonal(struct distributed_kalman_node *node, int n, con
 static struct dse_dkf_sensor gather(struct distributed_kalman_node *node,
                                     const struct method_setup *setup, int i)
 {
-    const struct dse_subsystem *group = group_of(setup, i);
+    const struct dse_subsystem *group = distributed_kalman_group(setup, i);
     const int nx = setup->process->nx;
     dse_real *C = dse_arena_take(&node->arena, group->n_outputs * nx);
     for (int l = 0; l < group->n_outputs; l++)
@@ -141,11 +69,12 @@ static struct dse_dkf_sensor gather(struct distributed_kalman_node *node,
 static const dse_real *own_matrix(struct distributed_kalman_node *node,
                                   const struct method_setup *setup, const double *list)
 {
-    const int nx = setup->process->nx, size = nx * group_of(setup, setup->node)->n_outputs;
+    const int nx = setup->process->nx,
+              size = nx * distributed_kalman_group(setup, setup->node)->n_outputs;
     if (list == NULL)
         return NULL;
     for (int i = 0; i < setup->node; i++)
-        list += nx * group_of(setup, i)->n_outputs;
+        list += nx * distributed_kalman_group(setup, i)->n_outputs;
     dse_real *matrix = dse_arena_take(&node->arena, size);
     for (int k = 0; k < size; k++)
         matrix[k] = list[k];
@@ -157,8 +86,9 @@ static bool gather_listeners(struct distributed_kalman_node *node, const struct 
 {
     struct dse_dkf_config *config = &node->config;
     config->n_neighbours = node->n_ears;
-    config->n_listeners = says_states(node->section) ? node->n_voices > 0 : node->n_voices;
-    if (says_states(node->section) || node->n_voices == 0)
+    config->n_listeners =
+        distributed_kalman_says_states(node->section) ? node->n_voices > 0 : node->n_voices;
+    if (distributed_kalman_says_states(node->section) || node->n_voices == 0)
         return true;
     node->listeners = calloc((size_t)node->n_voices, sizeof *node->listeners);
     if (node->listeners == NULL)
@@ -173,7 +103,7 @@ static bool gather_listeners(struct distributed_kalman_node *node, const struct 
 static void fill_weights(struct distributed_kalman_node *node, const struct method_setup *setup)
 {
     const struct distributed_kalman_section *section = node->section;
-    const struct dse_subsystem *group = group_of(setup, setup->node);
+    const struct dse_subsystem *group = distributed_kalman_group(setup, setup->node);
     struct dse_dkf_config *config = &node->config;
     const int nx = setup->process->nx;
     const double T = section->discretise ? setup->period : 1;
@@ -216,7 +146,7 @@ static void fill_tunables(struct distributed_kalman_node *node)
     struct dse_dkf_config *config = &node->config;
     config->scheme = section->scheme;
     config->direction = section->direction;
-    config->message = says_states(section) ? DSE_DKF_FULL : DSE_DKF_PROJECTED;
+    config->message = distributed_kalman_says_states(section) ? DSE_DKF_FULL : DSE_DKF_PROJECTED;
     config->gamma = section->gamma;
     config->beta = section->beta;
     config->sigma = section->sigma;
@@ -288,7 +218,7 @@ void distributed_kalman_destroy(void *self)
 static bool take_memory(struct distributed_kalman_node *node, const struct method_setup *setup,
                         struct error *error)
 {
-    const int ny = group_of(setup, setup->node)->n_outputs;
+    const int ny = distributed_kalman_group(setup, setup->node)->n_outputs;
     const int reals = storage(node, setup);
     node->memory = calloc((size_t)reals + 1, sizeof *node->memory);
     node->has_term = calloc((size_t)node->nodes + 1, sizeof *node->has_term);
@@ -300,21 +230,6 @@ static bool take_memory(struct distributed_kalman_node *node, const struct metho
     node->sum = dse_arena_take(&node->arena, ny * ny);
     node->terms = dse_arena_take(&node->arena, node->nodes * ny * ny);
     return true;
-}
-
-/* Everything that differs between listeners in one message. */
-static bool message_fits(const struct distributed_kalman_node *node,
-                         const struct method_setup *setup, struct error *error)
-{
-    int values = 0;
-    for (int v = 0; v < node->n_voices; v++)
-        values += group_of(setup, node->voices[v])->n_outputs;
-    return values <= METHOD_MESSAGE_CAPACITY || says_states(node->section) ||
-           error_set(error,
-                     "%s: networks.%s: node %d would say %d values to its listeners; at most %d "
-                     "fit into a message; use message: full",
-                     setup->scenario->file, setup->network->name, setup->node, values,
-                     METHOD_MESSAGE_CAPACITY);
 }
 
 static bool open_links(struct distributed_kalman_node *node, const struct method_setup *setup,
@@ -329,9 +244,8 @@ static bool open_links(struct distributed_kalman_node *node, const struct method
 static bool open_filter(struct distributed_kalman_node *node, const struct method_setup *setup,
                         struct error *error)
 {
-    if (!read_outputs(node, setup, error) || !find_voices(node, setup, error) ||
-        !message_fits(node, setup, error) || !take_memory(node, setup, error) ||
-        !open_links(node, setup, error))
+    if (!read_outputs(node, setup, error) || !distributed_kalman_find_voices(node, setup, error) ||
+        !take_memory(node, setup, error) || !open_links(node, setup, error))
         return false;
     fill_model(node, setup);
     node->config.sensor = gather(node, setup, setup->node);

@@ -1,5 +1,5 @@
 /* A node of the distributed Kalman filters: made in distributed_kalman_create.c, run in
- * distributed_kalman.c. */
+ * distributed_kalman.c; who is told what: distributed_kalman_voices.c. */
 #ifndef DSE_METHODS_DISTRIBUTED_KALMAN_NODE_H
 #define DSE_METHODS_DISTRIBUTED_KALMAN_NODE_H
 
@@ -51,7 +51,18 @@ struct distributed_kalman_node {
     bool ok; /* the filter takes part in this sample */
 };
 
-/* As in struct method. */
+/* ---- distributed_kalman_voices.c ---- */
+
+/* The sensor group that a node reads. */
+const struct dse_subsystem *distributed_kalman_group(const struct method_setup *setup, int node);
+/* Whether messages are whole states. */
+bool distributed_kalman_says_states(const struct distributed_kalman_section *section);
+/* Fills ears and voices; node->C is known. */
+bool distributed_kalman_find_voices(struct distributed_kalman_node *node,
+                                    const struct method_setup *setup, struct error *error);
+
+/* ---- distributed_kalman_create.c: as in struct method ---- */
+
 void *distributed_kalman_create(const struct method_setup *setup, struct method_info *info,
                                 struct error *error);
 void distributed_kalman_destroy(void *self);
