@@ -11,14 +11,15 @@ extern const struct dse_plant dse_plant_descriptor_fo;
 extern const struct dse_plant dse_plant_descriptor_uio;
 extern const struct dse_plant dse_plant_quadratic_ex3;
 extern const struct dse_plant dse_plant_quadratic_ex4;
+extern const struct dse_plant dse_plant_quadratic_ex4_ring;
 extern const struct dse_plant dse_plant_sep3;
 extern const struct dse_plant dse_plant_three_tank;
 
 static const struct dse_plant *const shipped[] = {
     &dse_plant_cavity_forced, &dse_plant_cavity_free,   &dse_plant_cstr2,
     &dse_plant_cstr4,         &dse_plant_descriptor_fo, &dse_plant_descriptor_uio,
-    &dse_plant_quadratic_ex3, &dse_plant_quadratic_ex4, &dse_plant_sep3,
-    &dse_plant_three_tank,
+    &dse_plant_quadratic_ex3, &dse_plant_quadratic_ex4, &dse_plant_quadratic_ex4_ring,
+    &dse_plant_sep3,          &dse_plant_three_tank,
 };
 
 const struct dse_plant *dse_plant_at(int i)
