@@ -6,6 +6,7 @@
 
 #include "dse/math.h"
 #include "dse/ode.h"
+#include "sim/flow_modes.h"
 #include "sim/integrator_internal.h"
 
 #define DEFAULT_RTOL 1e-10
@@ -15,8 +16,9 @@ struct simulator {
     struct sim_field field;
     const dse_real *prepared;
     enum sim_integrator integrator;
-    struct sim_cvode *cvode;   /* NULL with SIM_RK4 and with a discrete model */
-    struct sim_driver *driver; /* NULL: constant inputs */
+    struct sim_cvode *cvode;     /* NULL with SIM_RK4 and with a discrete model */
+    struct sim_driver *driver;   /* NULL: constant inputs */
+    struct sim_flow_plant *flow; /* NULL unless SIM_FLOW */
     double period;
     int64_t sample;
     struct sim_noise_source process;
@@ -116,7 +118,9 @@ static bool evaluate_outputs(struct simulator *sim, double t, const double *x, c
                              double *y, char *reason, int size)
 {
     const struct dse_model *model = &sim->field.model;
-    if (model->ny > 0) {
+    if (sim->flow != NULL) {
+        sim_flow_plant_outputs(sim->flow, y);
+    } else if (model->ny > 0) {
         enum dse_status status = model->h(model, t, x, u, y);
         if (status != DSE_OK)
             return sim_reason(reason, size, "; the outputs: %s", dse_status_text(status));
@@ -222,6 +226,32 @@ static bool create_cvode(struct simulator *sim, const struct sim_config *config,
     return sim->cvode != NULL || sim_reason(reason, size, "; CVODE cannot be set up");
 }
 
+/* The fields at the start of the run; x is what they are in the model's coordinates. */
+static bool create_flow(struct simulator *sim, const struct sim_config *config, char *reason,
+                        int size)
+{
+    if (config->process.distribution != SIM_NONE)
+        return sim_reason(reason, size, "; there is no process noise in a simulated flow");
+    sim->flow = sim_flow_plant_create(config->plant->name, config->flow_run);
+    if (sim->flow == NULL)
+        return sim_reason(reason, size, "; there is no flow behind its model, or no memory");
+    sim_flow_plant_state(sim->flow, sim->x);
+    return true;
+}
+
+static bool create_integrator(struct simulator *sim, const struct sim_config *config, char *reason,
+                              int size)
+{
+    switch (sim->integrator) {
+    case SIM_FLOW:
+        return create_flow(sim, config, reason, size);
+    case SIM_RK4:
+        return true;
+    default:
+        return sim->field.model.time == DSE_DISCRETE || create_cvode(sim, config, reason, size);
+    }
+}
+
 static bool create_driver(struct simulator *sim, const struct sim_config *config, char *reason,
                           int size)
 {
@@ -250,8 +280,7 @@ static bool set_up(struct simulator *sim, const struct sim_config *config, char 
         return false;
     copy_config(sim, config);
     return copy_outages(sim, config, reason, size) && create_driver(sim, config, reason, size) &&
-           (sim->integrator == SIM_RK4 || is_discrete(sim) ||
-            create_cvode(sim, config, reason, size)) &&
+           create_integrator(sim, config, reason, size) &&
            enter_sample(sim, 0, sim->x, reason, size);
 }
 
@@ -335,11 +364,24 @@ static bool step_discrete(struct simulator *sim, double t, double *x, char *reas
     return true;
 }
 
+static bool check_state(const struct simulator *sim, const double *x, char *reason, int size)
+{
+    for (int j = 0; j < sim->field.model.nx; j++)
+        if (!dse_is_finite(x[j]))
+            return sim_reason(reason, size, "; %s is not finite", sim->field.plant->states[j].name);
+    return true;
+}
+
 /* x(t_k) -> x(t_(k+1)) in place. */
 static bool integrate(struct simulator *sim, double *x, char *reason, int size)
 {
     double t = sim_time(sim);
     double t1 = (double)(sim->sample + 1) * sim->period;
+    if (sim->flow != NULL) {
+        sim_flow_plant_advance(sim->flow, sim->period);
+        sim_flow_plant_state(sim->flow, x);
+        return check_state(sim, x, reason, size);
+    }
     if (is_discrete(sim))
         return step_discrete(sim, t, x, reason, size);
     /* f + w jumps at every sample with held noise, and where an input does */
@@ -348,10 +390,7 @@ static bool integrate(struct simulator *sim, double *x, char *reason, int size)
             ? !integrate_rk4(sim, t, x, reason, size)
             : !sim_cvode_integrate(sim->cvode, jumps, t, t1, x, reason, size))
         return false;
-    for (int j = 0; j < sim->field.model.nx; j++)
-        if (!dse_is_finite(x[j]))
-            return sim_reason(reason, size, "; %s is not finite", sim->field.plant->states[j].name);
-    return true;
+    return check_state(sim, x, reason, size);
 }
 
 bool sim_step(struct simulator *sim, char *reason, int reason_size)

@@ -21,7 +21,9 @@
 
 enum sim_integrator {
     SIM_CVODE, /* variable order and step (BDF), error-controlled: the default truth */
-    SIM_RK4    /* one classical Runge-Kutta step per sample, as the reference runs have it */
+    SIM_RK4,   /* one classical Runge-Kutta step per sample, as the reference runs have it */
+    SIM_FLOW   /* the fields behind a reduced flow model (sim/flow_modes.h): states are projections,
+                * outputs are read from the fields; x0 is that of the run, no process noise */
 };
 
 /* A sensor that is out: no value of output `output` at samples first .. end - 1. */
@@ -39,8 +41,9 @@ struct sim_config {
     int n_drives;
     double period;                  /* T_s in the plant's time unit, > 0 */
     enum sim_integrator integrator; /* of no meaning for a discrete model, like rtol and atol */
-    double rtol;                    /* CVODE, >= 0; 0: 1e-10 */
-    double atol;                    /* CVODE, >= 0; 0: 1e-12; multiplied by each state's scale */
+    int flow_run;                 /* SIM_FLOW: the fields' initial state, a number of sim/flow.h */
+    double rtol;                  /* CVODE, >= 0; 0: 1e-10 */
+    double atol;                  /* CVODE, >= 0; 0: 1e-12; multiplied by each state's scale */
     struct sim_noise process;     /* nx channels, added to the derivative: units per time. Discrete
                                    * model: to the next state, units */
     struct sim_noise measurement; /* ny channels, added to the output */

@@ -75,6 +75,13 @@ static const struct dse_parameter_set *set_of(const struct scenario *scenario)
     return &process->sets[0];
 }
 
+static enum sim_integrator integrator_of(const struct scenario_integrator *integrator)
+{
+    static const enum sim_integrator kinds[] = {
+        [SCENARIO_CVODE] = SIM_CVODE, [SCENARIO_RK4] = SIM_RK4, [SCENARIO_FLOW] = SIM_FLOW};
+    return kinds[integrator->kind];
+}
+
 static void fill_inputs(const struct scenario *scenario, double *u)
 {
     for (int i = 0; i < scenario->process->nu; i++)
@@ -102,6 +109,8 @@ bool plant_source(const struct scenario *scenario, struct sample_source *source,
 {
     const struct dse_plant *process = scenario->process;
     const struct scenario_integrator *integrator = &scenario->plant.integrator;
+    if (integrator->kind == SCENARIO_FLOW && scenario->plant.x0 != NULL)
+        return error_set(error, "plant.x0: a flow starts as the run that is called as plant.set");
     struct plant *plant = calloc(1, sizeof *plant);
     if (plant == NULL)
         return error_set(error, "out of memory");
@@ -126,7 +135,8 @@ bool plant_source(const struct scenario *scenario, struct sample_source *source,
             .drives = drives.drives,
             .n_drives = (int)drives.count,
             .period = scenario_period(scenario),
-            .integrator = integrator->kind == SCENARIO_RK4 ? SIM_RK4 : SIM_CVODE,
+            .integrator = integrator_of(integrator),
+            .flow_run = (int)(set_of(scenario) - process->sets), /* in the same order */
             .rtol = integrator->rtol > 0 ? integrator->rtol : 1e-10,
             .atol = integrator->atol > 0 ? integrator->atol : 1e-12,
             .process = noise_of(&scenario->noise.process),

@@ -36,7 +36,7 @@ struct scenario_parameter {
     double value;
 };
 
-enum scenario_integrator_kind { SCENARIO_CVODE, SCENARIO_RK4 };
+enum scenario_integrator_kind { SCENARIO_CVODE, SCENARIO_RK4, SCENARIO_FLOW };
 
 struct scenario_integrator {
     enum scenario_integrator_kind kind; /* default cvode */

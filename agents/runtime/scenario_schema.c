@@ -22,7 +22,8 @@ static const cyaml_schema_field_t parameter_fields[] = {
 static const cyaml_schema_value_t parameter = {
     CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct scenario_parameter, parameter_fields)};
 
-static const cyaml_strval_t integrator_words[] = {{"cvode", SCENARIO_CVODE}, {"rk4", SCENARIO_RK4}};
+static const cyaml_strval_t integrator_words[] = {
+    {"cvode", SCENARIO_CVODE}, {"rk4", SCENARIO_RK4}, {"flow", SCENARIO_FLOW}};
 static const cyaml_schema_field_t integrator_fields[] = {
     CYAML_FIELD_ENUM("kind", OPTIONAL | CYAML_FLAG_STRICT, struct scenario_integrator, kind,
                      integrator_words, CYAML_ARRAY_LEN(integrator_words)),
@@ -367,7 +368,8 @@ const struct scenario_rule scenario_rules[] = {
     {.key = "plant.integrator.kind",
      SCENARIO_ANY,
      .absent = "cvode",
-     .meaning = "cvode: adaptive and implicit; rk4: one Runge-Kutta step per sample"},
+     .meaning = "cvode: adaptive and implicit; rk4: one Runge-Kutta step per sample; flow: the "
+                "fields behind a reduced flow model, from the run that is called as the set"},
     {.key = "plant.integrator.rtol",
      SCENARIO_ABOVE(0),
      .absent = "1e-10",
