@@ -136,7 +136,7 @@ class Flow:
         return out
 
     def components(self, w: Floats) -> tuple[Floats, Floats]:
-        """u (n + 1, n) and v (n, n + 1) of a velocity."""
+        """U (n + 1, n) and v (n, n + 1) of a velocity."""
         n = self.n
         return w[: n * (n + 1)].reshape(n + 1, n), w[n * (n + 1) :].reshape(n, n + 1)
 

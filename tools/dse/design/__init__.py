@@ -17,6 +17,7 @@ from dse.design import (
     mhe_check,
     normal_form,
     observability,
+    pod,
     qp,
     tune,
     uio,
@@ -35,4 +36,5 @@ COMMANDS: tuple[ModuleType, ...] = (
     functional,
     luenberger,
     graph,
+    pod,
 )
