@@ -2,8 +2,8 @@
  *
  *     dse design pod --write .
  *
- * Eigenvalues of the snapshots' correlation: 4 velocity, 3 contaminant and
- * 3 temperature modes hold 99.82/98.57/99.15 % of the energy. */
+ * 4 velocity, 3 contaminant and 3 temperature modes hold 99.82/98.57/99.15 % of the snapshots'
+ * energy. */
 /* clang-format off */
 #include "cavity_internal.h"
 

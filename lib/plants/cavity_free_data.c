@@ -2,8 +2,8 @@
  *
  *     dse design pod --write .
  *
- * Eigenvalues of the snapshots' correlation: 4 velocity, 3 contaminant and
- * 3 temperature modes hold 99.52/97.26/99.17 % of the energy. */
+ * 4 velocity, 3 contaminant and 3 temperature modes hold 99.52/97.26/99.17 % of the snapshots'
+ * energy. */
 /* clang-format off */
 #include "cavity_internal.h"
 

@@ -54,11 +54,16 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def native(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Libdse_plants.so, compiled here."""
     where = tmp_path_factory.mktemp("native")
-    sources = [ROOT / "tools" / "native" / "plants.c"]
+    sources = [ROOT / "tools" / "native" / name for name in ("plants.c", "flow.c")]
+    sources += [ROOT / "sim" / f"{name}.c" for name in ("flow", "flow_operators", "flow_runs")]
     for room in ROOMS:
         sources += sorted((ROOT / "lib" / room).glob("*.c"))
     target = where / "libdse_plants.so"
-    compile_c(["-DDSE_REAL_IS_double=1", "-shared", *map(str, sources), "-o", str(target)], where)
+    include = ["-I", str(ROOT)]
+    compile_c(
+        ["-DDSE_REAL_IS_double=1", "-shared", *include, *map(str, sources), "-o", str(target)],
+        where,
+    )
     return target
 
 
