@@ -116,6 +116,8 @@ static enum dse_status take_channels(struct dse_ckf *ckf, const struct dse_measu
         return status;
     ckf_copy(n, u, ckf->own);
     dse_sym_pack(n, Y, ckf->own + n);
+    if (ckf_weighs(config))
+        ckf->own[ckf->size + config->self] = ckf->present > 0;
     for (int l = 0; l < m; l++) {
         const bool flagged = measurement->valid == NULL || measurement->valid[l];
         const bool has = dse_measurement_has(measurement, l);
@@ -125,6 +127,14 @@ static enum dse_status take_channels(struct dse_ckf *ckf, const struct dse_measu
     }
     ckf->counts.used += ckf->present;
     return DSE_OK;
+}
+
+/* Whether the filters of type I start from zero in sample k. */
+static bool starts_anew(const struct dse_ckf_config *config, long k)
+{
+    if (config->scheme == DSE_CKF_A && config->counting != DSE_CKF_IN_ALL)
+        return true;
+    return config->restart > 0 && k % config->restart == 0;
 }
 
 enum dse_status dse_ckf_begin(struct dse_ckf *ckf, long k, dse_real t, const dse_real *input,
@@ -138,7 +148,7 @@ enum dse_status dse_ckf_begin(struct dse_ckf *ckf, long k, dse_real t, const dse
     ckf->any_heard = false;
     ckf->refused = false;
     forget_round(ckf);
-    if (ckf->config->restart > 0 && k % ckf->config->restart == 0)
+    if (starts_anew(ckf->config, k))
         ckf_restart(ckf);
     enum dse_status status = take_channels(ckf, measurement);
     if (status == DSE_OK && ckf->rounds > 0) {
@@ -244,6 +254,11 @@ const dse_real *dse_ckf_covariance(const struct dse_ckf *ckf)
 const dse_real *dse_ckf_innovation(const struct dse_ckf *ckf)
 {
     return ckf->innovation;
+}
+
+dse_real dse_ckf_multiplicity(const struct dse_ckf *ckf)
+{
+    return ckf->multiplicity;
 }
 
 const dse_real *dse_ckf_information(const struct dse_ckf *ckf)

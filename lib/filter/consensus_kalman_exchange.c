@@ -11,7 +11,7 @@ int dse_ckf_message_size(const struct dse_ckf *ckf, int r)
         return 2 * ckf->size;
     if (scheme == DSE_CKF_B)
         return r == 0 ? ckf->size : ckf->nx;
-    return ckf_one_step(scheme) ? ckf->size + ckf->nx : ckf->size;
+    return ckf_one_step(scheme) ? ckf->size + ckf->nx : ckf->carried;
 }
 
 /* [c; u; g of Y; b]. */
@@ -34,7 +34,7 @@ int dse_ckf_message(const struct dse_ckf *ckf, dse_real *message)
     if (ckf_low_pass(scheme)) {
         say_low_pass(ckf, message);
     } else if (scheme == DSE_CKF_A) { /* g = v + (u_i, Y_i) */
-        for (int k = 0; k < ckf->size; k++)
+        for (int k = 0; k < ckf->carried; k++)
             message[k] = ckf->v[k] + ckf->own[k];
     } else if (scheme == DSE_CKF_B && ckf->round == 1) { /* psi_i */
         ckf_copy(ckf->nx, ckf->x, message);
@@ -69,7 +69,7 @@ enum dse_status dse_ckf_receive(struct dse_ckf *ckf, int neighbour, const dse_re
 void ckf_restart(struct dse_ckf *ckf)
 {
     const enum dse_ckf_scheme scheme = ckf->config->scheme;
-    for (int k = 0; ckf_averages(scheme) && k < ckf->size; k++)
+    for (int k = 0; ckf_averages(scheme) && k < ckf->carried; k++)
         ckf->v[k] = 0;
     for (int k = 0; ckf_low_pass(scheme) && k < ckf->size - ckf->nx; k++)
         ckf->b[k] = 0;
@@ -87,9 +87,9 @@ void ckf_filter_round(struct dse_ckf *ckf)
                                 ckf->own + n, ckf->v + n, ckf->b);
         finite = dse_all_finite(ckf->b, packed);
     } else {
-        dse_consensus_high_pass(&words, 0, ckf->size, ckf->epsilon, ckf->own, ckf->v);
+        dse_consensus_high_pass(&words, 0, ckf->carried, ckf->epsilon, ckf->own, ckf->v);
     }
-    if (!finite || !dse_all_finite(ckf->v, ckf->size)) {
+    if (!finite || !dse_all_finite(ckf->v, ckf->carried)) {
         ckf_restart(ckf);
         ckf->refused = true;
     }
@@ -107,6 +107,16 @@ static void fuse_low_pass(struct dse_ckf *ckf)
     }
 }
 
+/* 1 / max_j w_ij, where w_i = v + e_i has been averaged like the information itself; no node has
+ * data: 0. */
+static dse_real weighed(const struct dse_ckf *ckf)
+{
+    dse_real largest = 0;
+    for (int k = ckf->size; k < ckf->carried; k++)
+        largest = dse_max(largest, ckf->v[k] + ckf->own[k]);
+    return largest > 0 ? 1 / largest : 0;
+}
+
 void ckf_fuse(struct dse_ckf *ckf)
 {
     const enum dse_ckf_scheme scheme = ckf->config->scheme;
@@ -114,6 +124,8 @@ void ckf_fuse(struct dse_ckf *ckf)
     if (ckf_low_pass(scheme)) {
         fuse_low_pass(ckf);
     } else if (scheme == DSE_CKF_A) {
+        if (ckf->carried > ckf->size)
+            ckf->multiplicity = weighed(ckf);
         for (int k = 0; k < ckf->size; k++)
             ckf->fused[k] = ckf->multiplicity * (ckf->v[k] + ckf->own[k]);
     } else if (scheme == DSE_CKF_ALONE) {

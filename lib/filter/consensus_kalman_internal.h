@@ -12,6 +12,12 @@ static inline bool ckf_averages(enum dse_ckf_scheme scheme)
     return scheme == DSE_CKF_A || scheme == DSE_CKF_A_LOW_PASS || scheme == DSE_CKF_A_LITERAL;
 }
 
+/* .. with the weights of all nodes along with it. */
+static inline bool ckf_weighs(const struct dse_ckf_config *config)
+{
+    return config->scheme == DSE_CKF_A && config->counting == DSE_CKF_ONCE;
+}
+
 /* .. with low- and band-pass filters. */
 static inline bool ckf_low_pass(enum dse_ckf_scheme scheme)
 {

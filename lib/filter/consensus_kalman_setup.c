@@ -30,8 +30,13 @@ static bool network_in_range(const struct dse_ckf_config *config)
     if (!at_least_zero(config->epsilon) || !at_least_zero(config->alpha) ||
         !at_least_zero(config->multiplicity) || config->rounds < 0 || config->restart < 0)
         return false;
-    return !ckf_averages(config->scheme) ||
-           (config->nodes > config->n_neighbours && network_degree(config) >= config->n_neighbours);
+    if (!ckf_averages(config->scheme))
+        return true;
+    if ((unsigned)config->counting > DSE_CKF_IN_ALL)
+        return false;
+    if (ckf_weighs(config) && (config->self < 0 || config->self >= config->nodes))
+        return false;
+    return config->nodes > config->n_neighbours && network_degree(config) >= config->n_neighbours;
 }
 
 /* ---- steps ---- */
@@ -67,6 +72,19 @@ static enum dse_status set_steps(struct dse_ckf *ckf)
     return ckf->epsilon * dse_max(ckf->alpha, 1) <= low * slack ? DSE_OK : DSE_EINVAL;
 }
 
+/* A node whose step is within its bound gives no neighbour more than eps in a round, itself
+ * 1 - eps n_neighbours, and rounds that follow do not raise the largest weight of a row. */
+static dse_real multiplicity_of(const struct dse_ckf *ckf)
+{
+    const struct dse_ckf_config *config = ckf->config;
+    if (config->scheme != DSE_CKF_A || config->counting == DSE_CKF_IN_ALL)
+        return (dse_real)config->nodes;
+    if (config->multiplicity > 0)
+        return config->multiplicity;
+    const dse_real eps = config->n_neighbours > 0 ? ckf->epsilon : 0;
+    return 1 / dse_max(1 - eps * (dse_real)config->n_neighbours, eps);
+}
+
 static int rounds_of(const struct dse_ckf_config *config)
 {
     if (ckf_averages(config->scheme))
@@ -98,8 +116,9 @@ static bool take_memory(struct dse_ckf *ckf, struct dse_arena *arena)
     const bool filters = ckf_averages(ckf->config->scheme);
     const bool band_pass = ckf_low_pass(ckf->config->scheme);
     return take(&ckf->x, arena, n) && take(&ckf->P, arena, n * n) && take(&ckf->x_next, arena, n) &&
-           take(&ckf->P_next, arena, n * n) && take(&ckf->own, arena, ckf->size) &&
-           take(&ckf->fused, arena, ckf->size) && take(&ckf->v, arena, filters ? ckf->size : 0) &&
+           take(&ckf->P_next, arena, n * n) && take(&ckf->own, arena, ckf->carried) &&
+           take(&ckf->fused, arena, ckf->size) &&
+           take(&ckf->v, arena, filters ? ckf->carried : 0) &&
            take(&ckf->b, arena, band_pass ? packed : 0) &&
            take(&ckf->said, arena, ckf->n_neighbours * ckf->width) &&
            take(&ckf->heard, arena, ckf->n_neighbours) && take(&ckf->innovation, arena, ckf->ny) &&
@@ -153,13 +172,14 @@ enum dse_status dse_ckf_init(struct dse_ckf *ckf, const struct dse_ckf_config *c
         .n_neighbours = config->n_neighbours,
         .rounds = rounds_of(config),
         .size = n + DSE_SYM_PACKED(n),
-        .multiplicity = config->multiplicity > 0 ? config->multiplicity : (dse_real)config->nodes,
+        .carried = n + DSE_SYM_PACKED(n) + (ckf_weighs(config) ? config->nodes : 0),
         .health = DSE_HEALTH_INITIALISING,
     };
     ckf->width = widest(ckf);
     const enum dse_status status = set_steps(ckf);
     if (status != DSE_OK)
         return status;
+    ckf->multiplicity = multiplicity_of(ckf);
     return take_memory(ckf, arena) ? start(ckf) : DSE_ESTORAGE;
 }
 

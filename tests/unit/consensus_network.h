@@ -15,7 +15,7 @@ enum {
     CKF_EDGES = CKF_NODES * (CKF_NODES - 1),
     CKF_NX = 4,
     CKF_NY = 2,
-    CKF_ROOM = DSE_CKF_STORAGE(CKF_NX, CKF_NY, CKF_NODES - 1)
+    CKF_ROOM = DSE_CKF_STORAGE(CKF_NX, CKF_NY, CKF_NODES - 1, CKF_NODES)
 };
 
 struct ckf_network {
@@ -55,6 +55,7 @@ static inline enum dse_status ckf_network_make(struct ckf_network *network, int 
     for (int i = 0; i < network->nodes && status == DSE_OK; i++) {
         network->config[i] = network->base;
         network->config[i].C = network->C[i];
+        network->config[i].self = i;
         network->config[i].n_neighbours = dse_graph_in_degree(&network->graph, i);
         dse_arena_init(&arena, network->memory[i], CKF_ROOM);
         status = dse_ckf_init(&network->node[i], &network->config[i], &arena);
@@ -69,7 +70,7 @@ static inline enum dse_status ckf_network_round(struct ckf_network *network)
     enum dse_status first = DSE_OK;
     for (int i = 0; i < network->nodes; i++) {
         for (int k = graph->in_first[i]; k < graph->in_first[i + 1]; k++) {
-            dse_real message[DSE_CKF_MESSAGE(CKF_NX)];
+            dse_real message[DSE_CKF_MESSAGE(CKF_NX, CKF_NODES)];
             const int j = graph->in[k];
             const int count = dse_ckf_message(&network->node[j], message);
             if (network->deaf[i][j] || count == 0)

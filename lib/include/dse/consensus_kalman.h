@@ -19,15 +19,12 @@
  *     dse_ckf_advance(&f);                                   now the prior of sample k + 1
  *
  * How often is a measurement counted? What travels never is a sum that another node adds to its
- * own, so no loop of the graph can bring a measurement back:
- * - A agrees on the network's average, of which every measurement is 1 / nodes, and multiplies it
- *   by `nodes` once. With W = I - eps L and r rounds, a measurement of node j has the weight
- *   nodes (W^r)_ij in node i at once and nodes (W^((a+1) r) - W^(a r))_ij after a samples: it may
- *   be counted more than once at first, which is taken back later, and exactly once in all. With
- *   enough rounds P is the error's covariance.
- *   With `restart` = 1 it has nodes (W^r)_ij at once and nothing later; `multiplicity` at most
- *   1 / dse_consensus_largest_weight instead of nodes makes that at most 1 for every j: P then
- *   bounds the error's covariance, whatever the graph and the number of rounds.
+ * own: averages are formed by weights, and raw information of a node goes to its neighbours only.
+ * So no loop of the graph can bring a measurement back. What is left:
+ * - A agrees on the network's average: after r rounds node i has sum_j w_ij (u_j, Y_j), where
+ *   W = I - eps L, w_ij = (W^r)_ij when nothing is lost, and multiplies it. See enum
+ *   dse_ckf_counting: by default no measurement is counted more than once, ever, and P bounds the
+ *   error's covariance for any graph, any number of rounds and any loss of messages.
  * - B, C: every node of J_i gives its own u_j, Y_j, once a sample; nothing is relayed. Estimates
  *   that are then mixed share data, which P ignores: with weights of a convex combination (B, eps
  *   at most 1 / neighbours) mixing equally good estimates makes none worse.
@@ -52,8 +49,8 @@
 #include "dse/status.h"
 
 enum dse_ckf_scheme {
-    /* Type I, recommended: high-pass consensus filters of u and Y, kept from sample to sample:
-     * u = nodes (v + u_i), Y likewise. `rounds` rounds: (g of u, g of Y). */
+    /* Type I, recommended: high-pass consensus filters of u and Y; u = multiplicity (v + u_i), Y
+     * likewise. `rounds` rounds: g = v + (u_i, Y_i), and with DSE_CKF_ONCE the weights. */
     DSE_CKF_A = 0,
     /* Type II in two steps: u = sum_J u_j, Y = sum_J Y_j; psi_i = w_i + P_i (u - Y w_i);
      * xh_i = psi_i + eps sum_N (psi_j - psi_i). Two rounds: (u_j, Y_j), psi_j. */
@@ -75,6 +72,24 @@ enum dse_ckf_scheme {
     DSE_CKF_A_LOW_PASS = 5,
     /* As printed: u = nodes (c + u_i), Y = nodes (b + Y_i), and Q / nodes in place of Q. */
     DSE_CKF_A_LITERAL = 6
+};
+
+/* What the average of A is multiplied by to be a sum again. */
+enum dse_ckf_counting {
+    /* The filters start from zero in every sample, and the weights w_ij of all nodes with data
+     * travel along (`nodes` reals more): multiplicity = 1 / max_j w_ij, so that every measurement
+     * counts at most once, the one with most weight exactly once. */
+    DSE_CKF_ONCE = 0,
+    /* The same without the weights: multiplicity = config->multiplicity, of
+     * dse_consensus_largest_weight, or a bound of it that a node knows by itself, which is that of
+     * one round: 1 / max(1 - eps n_neighbours, eps). At most once while nothing is lost. */
+    DSE_CKF_BOUNDED = 1,
+    /* As in the source: the filters are kept from sample to sample, multiplicity = nodes. A
+     * measurement of node j counts nodes (W^r)_ij times at once and nodes (W^((a+1) r) - W^(a
+     * r))_ij times after a samples: more than once at first, which is taken back later, exactly
+     * once in all. P is the error's covariance when there are rounds enough, and too small
+     * otherwise. Messages lost in one direction make it wrong for good: see `restart`. */
+    DSE_CKF_IN_ALL = 2
 };
 
 /* Zero is the default where one is named. Config and all that it points to must outlive the filter.
@@ -99,11 +114,12 @@ struct dse_ckf_config {
     dse_real epsilon;
     dse_real alpha; /* band-pass, > 0; 0 means 1 */
     int nodes;      /* A: of the network, > n_neighbours */
-    int rounds;     /* A: of a sample, >= 1; 0 means 5. Fewer lag, and P promises too much */
-    /* A: how often the average counts, > 0; 0 means `nodes`. */
-    dse_real multiplicity;
-    /* A: the filters start from zero in every sample whose number is a multiple of it, >= 0;
-     * 0 (default): never. For networks whose links fail in one direction, see dse/consensus.h. */
+    int self;       /* A with ONCE: this node's number, 0 .. nodes - 1, no two alike */
+    int rounds;     /* A: of a sample, >= 1; 0 means 5 */
+    enum dse_ckf_counting counting; /* A; the low-pass schemes count as IN_ALL */
+    dse_real multiplicity;          /* A with BOUNDED, > 0; 0: see there */
+    /* IN_ALL: the filters start from zero in every sample whose number is a multiple of it, >= 0;
+     * 0 (default): never. */
     int restart;
 };
 
@@ -125,6 +141,7 @@ struct dse_ckf {
     int nx, ny, n_neighbours;
     int rounds, round; /* of a sample, and how many of them have ended */
     int size;          /* of u and the packed Y together */
+    int carried;       /* of what is averaged: size, and with ONCE the weights */
     int width;         /* reals of the longest message */
     dse_real epsilon, alpha, multiplicity;
     dse_real t;
@@ -133,9 +150,9 @@ struct dse_ckf {
     dse_real *P; /* nx x nx */
     dse_real *x_next;
     dse_real *P_next;
-    dse_real *own;        /* size: u_i, packed Y_i */
-    dse_real *fused;      /* size: likewise */
-    dse_real *v;          /* size: high-pass; low-pass schemes: [c; v of Y] .. */
+    dse_real *own;        /* carried: u_i, packed Y_i; with ONCE 1 at its own place of `nodes` */
+    dse_real *fused;      /* size: u, packed Y */
+    dse_real *v;          /* carried: high-pass; low-pass schemes: [c; v of Y] .. */
     dse_real *b;          /* .. and b, packed */
     dse_real *said;       /* n_neighbours x width: messages of this round */
     dse_real *heard;      /* n_neighbours: 1 for those that there are */
@@ -151,16 +168,18 @@ struct dse_ckf {
     struct dse_ckf_counts counts;
 };
 
-/* Reals of the longest message of any scheme. */
-#define DSE_CKF_MESSAGE(nx)  (2 * (nx) + 2 * DSE_SYM_PACKED(nx))
 #define DSE_CKF_LARGER(a, b) ((a) > (b) ? (a) : (b))
+/* Reals of u and Y. */
+#define DSE_CKF_SIZE(nx) ((nx) + DSE_SYM_PACKED(nx))
+/* Reals of the longest message of any scheme. nodes: of the network with A and ONCE, else 0. */
+#define DSE_CKF_MESSAGE(nx, nodes) (DSE_CKF_SIZE(nx) + DSE_CKF_LARGER(DSE_CKF_SIZE(nx), nodes))
 #define DSE_CKF_SCRATCH(nx, ny)                                                                    \
     (2 * (nx) * (nx) + 2 * (nx) +                                                                  \
      DSE_CKF_LARGER(DSE_INFORMATION_SCRATCH(nx), DSE_INFORMATION_OF_SCRATCH(nx, ny)))
-/* Reals that dse_ckf_init takes at most. */
-#define DSE_CKF_STORAGE(nx, ny, neighbours)                                                        \
-    (2 * (nx) + 2 * (nx) * (nx) + 3 * ((nx) + DSE_SYM_PACKED(nx)) + DSE_SYM_PACKED(nx) + (ny) +    \
-     (neighbours) * (DSE_CKF_MESSAGE(nx) + 1) + DSE_CKF_SCRATCH(nx, ny))
+/* Reals that dse_ckf_init takes at most; nodes: likewise. */
+#define DSE_CKF_STORAGE(nx, ny, neighbours, nodes)                                                 \
+    (2 * (nx) + 2 * (nx) * (nx) + 4 * DSE_CKF_SIZE(nx) + 2 * (nodes) + (ny) +                      \
+     (neighbours) * (DSE_CKF_MESSAGE(nx, nodes) + 1) + DSE_CKF_SCRATCH(nx, ny))
 
 /* DSE_EINVAL: a value outside its range, a continuous model, a matrix that is missing or not
  * symmetric; DSE_ENOTPD: P0, Q, R; DSE_ENONFINITE; DSE_ESTORAGE. */
@@ -202,6 +221,9 @@ enum dse_status dse_ckf_set(struct dse_ckf *ckf, const dse_real *x, const dse_re
 const dse_real *dse_ckf_state(const struct dse_ckf *ckf);      /* nx */
 const dse_real *dse_ckf_covariance(const struct dse_ckf *ckf); /* nx x nx */
 const dse_real *dse_ckf_innovation(const struct dse_ckf *ckf); /* ny */
+/* What the average was multiplied by in the last correction (A): with ONCE the number of nodes
+ * whose data count in full, as far as it goes. */
+dse_real dse_ckf_multiplicity(const struct dse_ckf *ckf);
 /* The fused information of the last correction: u (nx), then Y packed. */
 const dse_real *dse_ckf_information(const struct dse_ckf *ckf);
 /* Initialising until information is used; coasting without own data; rejecting when a message or

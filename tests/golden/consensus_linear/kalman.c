@@ -95,6 +95,7 @@ static int network_run(const struct target *target, const json_t *sensors, bool 
                  .x0 = target->w0,
                  .P0 = target->P0,
                  .scheme = named->scheme,
+                 .counting = DSE_CKF_IN_ALL,
                  .epsilon = golden_number(run, "eps", 0),
                  .alpha = golden_number(run, "alpha", 0),
                  .rounds = (int)golden_number(run, "ncons", 0)},
