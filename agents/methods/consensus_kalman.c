@@ -88,6 +88,7 @@ static void fill_config(struct consensus_kalman_node *self)
         .alpha = section->keys.alpha,
         .nodes = node->nodes,
         .rounds = (int)section->keys.rounds,
+        .counting = (enum dse_ckf_counting)section->counting,
         .multiplicity = section->multiplicity,
         .restart = (int)section->restart,
     };
@@ -101,10 +102,12 @@ static bool open_filter(struct consensus_kalman_node *self, const struct method_
     node->kind = &kind;
     node->filter = &self->filter;
     if (!sensor_node_open(node, setup, &self->section->keys, place, info, error) ||
-        !sensor_node_take_memory(node, setup,
-                                 DSE_CKF_STORAGE(node->nx, node->ny, node->n_neighbours), error))
+        !sensor_node_take_memory(
+            node, setup, DSE_CKF_STORAGE(node->nx, node->ny, node->n_neighbours, node->nodes),
+            error))
         return false;
     fill_config(self);
+    self->config.self = setup->node;
     const enum dse_status status = dse_ckf_init(&self->filter, &self->config, &node->arena);
     return status == DSE_OK ||
            error_set(error, "%s: networks.%s.consensus_kalman: filter %d cannot be set up: %s",

@@ -12,12 +12,18 @@ static const cyaml_strval_t schemes[] = {{"A", DSE_CKF_A},
                                          {"A_literal", DSE_CKF_A_LITERAL},
                                          {"C_literal", DSE_CKF_C_LITERAL}};
 
+static const cyaml_strval_t countings[] = {
+    {"once", DSE_CKF_ONCE}, {"bounded", DSE_CKF_BOUNDED}, {"in_all", DSE_CKF_IN_ALL}};
+
 const cyaml_schema_field_t consensus_kalman_fields[] = {
     CYAML_FIELD_ENUM("scheme", CYAML_FLAG_OPTIONAL | CYAML_FLAG_STRICT, SECTION, scheme, schemes,
                      CYAML_ARRAY_LEN(schemes)),
     SENSOR_NODE_FIELDS(SECTION),
+    CYAML_FIELD_ENUM("counting", CYAML_FLAG_OPTIONAL | CYAML_FLAG_STRICT, SECTION, counting,
+                     countings, CYAML_ARRAY_LEN(countings)),
     CYAML_FIELD_FLOAT("multiplicity", CYAML_FLAG_OPTIONAL, SECTION, multiplicity),
-    CYAML_FIELD_UINT("restart", CYAML_FLAG_OPTIONAL, SECTION, restart), CYAML_FIELD_END};
+    CYAML_FIELD_UINT("restart", CYAML_FLAG_OPTIONAL, SECTION, restart),
+    CYAML_FIELD_END};
 
 const struct scenario_rule consensus_kalman_rules[] = {
     {.key = "scheme",
@@ -31,15 +37,21 @@ const struct scenario_rule consensus_kalman_rules[] = {
      .absent = "A 1 / (1 + degree), B 0.1, C 0.5",
      .meaning = "step of A's filters; weight of the neighbours' estimates"},
     {.key = "rounds", .min = 1, .max = 1000, .absent = "5", .meaning = "A: rounds per sample"},
+    {.key = "counting",
+     SCENARIO_ANY,
+     .absent = "once",
+     .meaning =
+         "A: once: no measurement counts more than once; bounded: the same without weights "
+         "in the messages; in_all: filters are kept from sample to sample, as in the source"},
     {.key = "multiplicity",
      SCENARIO_ABOVE(0),
-     .absent = "number of nodes",
-     .meaning = "A: how often the average counts"},
+     .absent = "what a node knows by itself",
+     .meaning = "A, bounded: how often the average counts"},
     {.key = "restart",
      .min = 1,
      .max = 1000000,
      .absent = "never",
-     .meaning = "A: its filters start from zero every so many samples; for links that fail"},
+     .meaning = "A, in_all: filters start from zero every so many samples; for links that fail"},
     {.key = NULL}};
 
 struct sensor_node_place consensus_kalman_place(const struct consensus_kalman_section *section)

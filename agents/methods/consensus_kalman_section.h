@@ -11,7 +11,8 @@
 
 struct consensus_kalman_section {
     struct sensor_node_keys keys;
-    int scheme; /* enum dse_ckf_scheme or CONSENSUS_KALMAN_CENTRAL */
+    int scheme;   /* enum dse_ckf_scheme or CONSENSUS_KALMAN_CENTRAL */
+    int counting; /* enum dse_ckf_counting */
     double multiplicity;
     unsigned restart;
 };
