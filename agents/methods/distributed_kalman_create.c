@@ -151,7 +151,7 @@ static void fill_tunables(struct distributed_kalman_node *node)
     config->beta = section->beta;
     config->sigma = section->sigma;
     config->limit = section->limit;
-    config->hold = (int)section->hold;
+    config->hold = sensor_network_hold(section->hold);
 }
 
 /* ---- what the runtime gets to know ---- */

@@ -45,7 +45,7 @@ const cyaml_schema_field_t distributed_kalman_fields[] = {
     CYAML_FIELD_FLOAT("beta", CYAML_FLAG_OPTIONAL, SECTION, beta),
     CYAML_FIELD_FLOAT("sigma", CYAML_FLAG_OPTIONAL, SECTION, sigma),
     CYAML_FIELD_FLOAT("limit", CYAML_FLAG_OPTIONAL, SECTION, limit),
-    CYAML_FIELD_UINT("hold", CYAML_FLAG_OPTIONAL, SECTION, hold),
+    CYAML_FIELD_UINT_PTR("hold", OPTIONAL_POINTER, SECTION, hold),
     CYAML_FIELD_END};
 
 const struct scenario_rule distributed_kalman_rules[] = {
@@ -117,7 +117,7 @@ const struct scenario_rule distributed_kalman_rules[] = {
     {.key = "hold",
      .min = 0,
      .max = 1000000,
-     .absent = "0",
+     .absent = "3",
      .meaning = "samples for which a silent neighbour's last word is used, its gain frozen"},
     {.key = NULL}};
 

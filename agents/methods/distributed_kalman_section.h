@@ -30,7 +30,7 @@ struct distributed_kalman_section {
     double *S; /* nx, with direction lyapunov */
     unsigned S_count;
     double gamma, beta, sigma, limit;
-    unsigned hold;
+    unsigned *hold; /* NULL: 3 */
 };
 
 extern const cyaml_schema_field_t distributed_kalman_fields[];

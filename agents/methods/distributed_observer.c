@@ -106,7 +106,7 @@ static void fill_config(struct distributed_observer_node *node, const struct met
         .gamma = section->gamma,
         .leak = section->leak,
         .gain_max = section->gain_max,
-        .hold = section->hold,
+        .hold = sensor_network_hold(section->hold),
     };
     struct dse_model model;
     setup->process->model(setup->prepared, &model);

@@ -45,7 +45,7 @@ struct distributed_observer_section {
     enum dse_observer_gain gain;
     enum distributed_observer_compare compare;
     double gamma, leak, gain_max;
-    int hold;
+    unsigned *hold;   /* NULL: 3 */
     unsigned *states; /* estimated plant states, NULL: all */
     unsigned states_count;
     unsigned *sensors; /* one per node, NULL: node i reads group i */

@@ -56,6 +56,13 @@ void sensor_network_describe(const struct method_setup *setup, const struct sens
         info->listeners[info->n_listeners++] = graph->out[k];
 }
 
+int sensor_network_hold(const unsigned *hold)
+{
+    if (hold == NULL)
+        return 0;
+    return *hold > 0 ? (int)*hold : -1;
+}
+
 int sensor_network_place(const int *list, int count, int node)
 {
     int low = 0, high = count;

@@ -23,6 +23,9 @@ const struct dse_subsystem *sensor_network_group(const struct method_setup *setu
 /* Name and sensors of setup->node; its neighbours and listeners by the graph. */
 void sensor_network_describe(const struct method_setup *setup, const struct sensor_network *sensors,
                              struct method_info *info);
+/* The key `hold` of a section: 0 is none, left out (NULL) the library's default; in the library's
+ * words. */
+int sensor_network_hold(const unsigned *hold);
 /* Place of `node` in an ascending list, -1: it is not there. */
 int sensor_network_place(const int *list, int count, int node);
 

@@ -137,7 +137,7 @@ static void grow_older(struct dse_dkf *dkf)
     for (int j = 0; j < dkf->config->n_neighbours; j++) {
         if (dkf->age[j] <= 0)
             continue;
-        if (dkf->age[j] > (dse_real)dkf->config->hold) {
+        if (dkf->age[j] > (dse_real)dkf->hold) {
             dkf->age[j] = DKF_GONE;
             dkf->counts.dropped++;
         } else {

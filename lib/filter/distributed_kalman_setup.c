@@ -2,6 +2,8 @@
 #include "distributed_kalman_internal.h"
 #include "dse/math.h"
 
+enum { DEFAULT_HOLD = 3 };
+
 static bool at_least_zero(dse_real value)
 {
     return value >= 0 && dse_is_finite(value);
@@ -48,7 +50,7 @@ static bool numbers_in_range(const struct dse_dkf_config *config)
 {
     const bool discrete = is_discrete(config);
     return at_least_zero(config->gamma) && at_least_zero(config->beta) &&
-           at_least_zero(config->sigma) && at_least_zero(config->limit) && config->hold >= 0 &&
+           at_least_zero(config->sigma) && at_least_zero(config->limit) && config->hold >= -1 &&
            (discrete ? config->sigma < 1 : config->period > 0 && dse_is_finite(config->period));
 }
 
@@ -217,6 +219,9 @@ enum dse_status dse_dkf_init(struct dse_dkf *dkf, const struct dse_dkf_config *c
         .nx = n,
         .ny = m,
         .n_gains = number_of_gains(config),
+        .hold = config->hold == 0  ? DEFAULT_HOLD
+                : config->hold > 0 ? config->hold
+                                   : 0,
         .rate = config->beta > 0 ? config->beta : 1,
         .riccati = config->K == NULL,
         .lyapunov = adaptive(config) && config->direction == DSE_DKF_LYAPUNOV,

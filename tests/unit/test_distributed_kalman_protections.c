@@ -74,7 +74,9 @@ static void bad_messages_are_refused_and_counted(void **state)
     dse_real x[2];
     const dse_real bad[] = {(dse_real)NAN, (dse_real)INFINITY, -(dse_real)INFINITY},
                    fine[2] = {1, 2};
-    make(&network, DSE_DKF_EDGE);
+    fill_network(&network, DSE_DKF_EDGE);
+    network.base.hold = -1;
+    assert_int_equal(network_make(&network, RING, ring, true), DSE_OK);
     run(&network, 5, x);
     struct dse_dkf *node = &network.node[0];
     const dse_real y = 1;
@@ -181,15 +183,37 @@ static void a_node_that_lost_all_neighbours_is_a_local_filter(void **state)
     }
 }
 
+static void a_silent_neighbour_is_held_for_three_steps_unless_told_otherwise(void **state)
+{
+    (void)state;
+    static const struct {
+        int hold, steps;
+    } cases[] = {{0, 3}, {-1, 0}, {1, 1}, {5, 5}};
+    for (size_t c = 0; c < sizeof cases / sizeof cases[0]; c++) {
+        dse_real x[2];
+        fill_network(&network, DSE_DKF_EDGE);
+        network.base.hold = cases[c].hold;
+        assert_int_equal(network_make(&network, RING, ring, true), DSE_OK);
+        run(&network, 1, x);
+        network.mute[0] = true;
+        for (int k = 0; k < 7; k++) {
+            step(&network, 1 + k, x);
+            assert_true(dse_dkf_uses(&network.node[1], 0) == (k < cases[c].steps));
+        }
+    }
+}
+
 /* The held word acts: with it the estimate is another one than without. */
 static void a_held_word_acts_on_the_estimate(void **state)
 {
     (void)state;
     dse_real x[2], z[2];
     fill_network(&network, DSE_DKF_NODE);
+    fill_network(&other, DSE_DKF_NODE);
     network.base.hold = 2;
+    other.base.hold = -1;
     assert_int_equal(network_make(&network, RING, ring, true), DSE_OK);
-    make(&other, DSE_DKF_NODE);
+    assert_int_equal(network_make(&other, RING, ring, true), DSE_OK);
     run(&network, 30, x);
     run(&other, 30, z);
     network.mute[0] = other.mute[0] = true;
@@ -516,6 +540,7 @@ int main(void)
         cmocka_unit_test(repeated_messages_change_nothing),
         cmocka_unit_test(a_silent_neighbour_is_held_frozen_dropped_and_taken_back),
         cmocka_unit_test(a_node_that_lost_all_neighbours_is_a_local_filter),
+        cmocka_unit_test(a_silent_neighbour_is_held_for_three_steps_unless_told_otherwise),
         cmocka_unit_test(a_held_word_acts_on_the_estimate),
         cmocka_unit_test(a_node_without_measurement_coasts_and_listens),
         cmocka_unit_test(a_missing_channel_leaves_the_filter_of_the_others),

@@ -47,6 +47,26 @@ static void lost_neighbour_is_held_then_dropped_and_comes_back_with_no_gain(void
     assert_true(gain(0) > 0);
 }
 
+static void lost_neighbour_is_held_for_three_periods_unless_told_otherwise(void **state)
+{
+    (void)state;
+    static const struct {
+        int hold, periods;
+    } cases[] = {{0, 3}, {-1, 0}, {1, 1}, {5, 5}};
+    for (size_t c = 0; c < sizeof cases / sizeof cases[0]; c++) {
+        scalar_config(DSE_OBSERVER_NEIGHBOURS, 1);
+        config.hold = cases[c].hold;
+        assert_int_equal(start_node(), DSE_OK);
+        assert_int_equal(sample_at(0, 0), DSE_OK);
+        assert_int_equal(hear(0, 3), DSE_OK);
+        for (int k = 0; k < 7; k++) {
+            assert_int_equal(sample_at(DSE_REAL(0.1) * (dse_real)(k + 1), 0), DSE_OK);
+            assert_int_equal(dse_distributed_observer_hearing(&node, 0),
+                             k < cases[c].periods ? DSE_OBSERVER_HELD : DSE_OBSERVER_DROPPED);
+        }
+    }
+}
+
 /* A held message pulls, a dropped one does not. */
 static void held_message_still_couples_and_a_dropped_one_does_not(void **state)
 {
@@ -263,6 +283,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(lost_neighbour_is_held_then_dropped_and_comes_back_with_no_gain),
+        cmocka_unit_test(lost_neighbour_is_held_for_three_periods_unless_told_otherwise),
         cmocka_unit_test(held_message_still_couples_and_a_dropped_one_does_not),
         cmocka_unit_test(message_that_is_not_finite_is_refused_and_counts_as_not_heard),
         cmocka_unit_test(node_without_its_measurement_coasts_silently_and_learns_nothing),

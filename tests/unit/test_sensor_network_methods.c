@@ -12,7 +12,7 @@
 
 #include "methods/method.h"
 
-enum { MOST = 4, USED = 3, HEARD = 1 };
+enum { MOST = 4, USED = 3, HEARD = 1, HELD = 2 }; /* the last three: diagnostics */
 
 /* Three states, four groups: x1; x2 and x3; x1; x3. */
 #define HEAD                                                                                       \
@@ -192,7 +192,7 @@ static void a_filter_takes_its_own_part_of_a_message(void **state)
     static struct rig rig;
     double value[METHOD_MESSAGE_CAPACITY];
     struct method_message message = {.value = value};
-    must_open(&rig, STAR FILTER "scheme: edge, gamma: 1e-9}");
+    must_open(&rig, STAR FILTER "scheme: edge, gamma: 1e-9, hold: 0}");
     begin(&rig, 0, 0, true);
     assert_int_equal(say(&rig, 0, &message), 4);
     begin(&rig, 2, 0, true);
@@ -226,10 +226,10 @@ static void without_listeners_nobody_speaks(void **state)
 
 /* ---- observers ---- */
 
-#define CHAIN                                                                                      \
+#define CHAIN(tunables)                                                                            \
     "graph: {nodes: 2, edges: [0, 1]}\n    distributed_observer: {states: [2], sensors: [3, 0], "  \
-    "gamma: 1, hold: -1, nodes: [{Lambda: [-1], L: [1], N: [1], Pi: [1], C2: [2]}, {Lambda: "      \
-    "[-1], L: [1], Pi: [1], C2: [1]}]}"
+    "nodes: [{Lambda: [-1], L: [1], N: [1], Pi: [1], C2: [2]}, {Lambda: [-1], L: [1], Pi: [1], "   \
+    "C2: [1]}], " tunables "}"
 
 static void observers_say_the_rows_in_which_they_are_compared(void **state)
 {
@@ -237,7 +237,7 @@ static void observers_say_the_rows_in_which_they_are_compared(void **state)
     static struct rig rig;
     double value[METHOD_MESSAGE_CAPACITY];
     struct method_message message = {.value = value};
-    must_open(&rig, CHAIN);
+    must_open(&rig, CHAIN("gamma: 1"));
     assert_int_equal(rig.info[0].n_states, 1);
     assert_int_equal(rig.info[0].states[0], 2);
     begin(&rig, 0, 0, true);
@@ -259,7 +259,7 @@ static void an_observer_without_its_measurements_keeps_silent(void **state)
     static struct rig rig;
     double value[METHOD_MESSAGE_CAPACITY];
     struct method_message message = {.value = value};
-    must_open(&rig, CHAIN);
+    must_open(&rig, CHAIN("gamma: 1"));
     begin(&rig, 0, 0, false);
     assert_int_equal(say(&rig, 0, &message), -1);
     rig.method->finish(rig.node[0], &rig.estimate[0]);
@@ -267,6 +267,49 @@ static void an_observer_without_its_measurements_keeps_silent(void **state)
     begin(&rig, 0, 1, true);
     assert_int_equal(say(&rig, 0, &message), 1);
     close_rig(&rig);
+}
+
+/* ---- silence ---- */
+
+/* For how many samples after its only word node 0 acts on node 1. */
+static int samples_held(const char *keys)
+{
+    static struct rig rig;
+    double value[METHOD_MESSAGE_CAPACITY];
+    struct method_message message = {.value = value};
+    must_open(&rig, keys);
+    const int diagnostic = strstr(keys, "distributed_kalman") != NULL ? USED : HELD;
+    int held = 0;
+    for (int k = 0; k < 8; k++) {
+        begin(&rig, 0, k, true);
+        begin(&rig, 1, k, true);
+        assert_true(say(&rig, 0, &message) > 0);
+        if (k == 0)
+            assert_int_equal(rig.method->receive(rig.node[1], 0, 0, &message), DSE_OK);
+        assert_int_equal(rig.method->finish(rig.node[1], &rig.estimate[1]), DSE_OK);
+        held += k > 0 && rig.estimate[1].diagnostic[diagnostic] > 0;
+    }
+    close_rig(&rig);
+    return held;
+}
+
+static void
+a_silent_neighbour_is_held_for_three_samples_unless_the_section_says_otherwise(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *keys;
+        int held;
+    } cases[] = {
+        {STAR FILTER "scheme: edge, gamma: 1}", 3},
+        {STAR FILTER "scheme: edge, gamma: 1, hold: 0}", 0},
+        {STAR FILTER "scheme: edge, gamma: 1, hold: 5}", 5},
+        {CHAIN("gamma: 1"), 3},
+        {CHAIN("gamma: 1, hold: 0"), 0},
+        {CHAIN("gamma: 1, hold: 5"), 5},
+    };
+    for (size_t c = 0; c < sizeof cases / sizeof cases[0]; c++)
+        assert_int_equal(samples_held(cases[c].keys), cases[c].held);
 }
 
 int main(void)
@@ -279,6 +322,8 @@ int main(void)
         cmocka_unit_test(without_listeners_nobody_speaks),
         cmocka_unit_test(observers_say_the_rows_in_which_they_are_compared),
         cmocka_unit_test(an_observer_without_its_measurements_keeps_silent),
+        cmocka_unit_test(
+            a_silent_neighbour_is_held_for_three_samples_unless_the_section_says_otherwise),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

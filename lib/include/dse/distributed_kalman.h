@@ -3,9 +3,10 @@
  *
  *     x' = A(t) x + w,  w w' ~ Q            y_i = C_i x + v_i,  v_i v_i' ~ R_i
  *
- *     xh_i'      = A xh_i + K_i eps_i + gamma D_i sum_j Gamma_ij d_ij (2.3) eps_i      = y_i - C_i
- * xh_i,   d_ij = C_i xh_j - C_i xh_i,   K_i = P_i C_i' R_i^-1 P_i'       = A P_i + P_i A' + Q - K_i
- * R_i K_i' Gamma_ij'  = beta eps_i d_ij' - sigma Gamma_ij (2.5)
+ *     xh_i'     = A xh_i + K_i eps_i + gamma D_i sum_j Gamma_ij d_ij                       (2.3)
+ *     P_i'      = A P_i + P_i A' + Q - K_i R_i K_i',   K_i = P_i C_i' R_i^-1
+ *     Gamma_ij' = beta eps_i d_ij' - sigma Gamma_ij                                        (2.5)
+ *     eps_i     = y_i - C_i xh_i,   d_ij = C_i xh_j - C_i xh_i
  *
  * The adaptive gains Gamma_ij take the place of the graph's weights. They cancel the coupling in
  * the Lyapunov function V_i = e_i' Pi_i e_i + sum_j tr(Gamma_ij Gamma_ij') / beta, Pi_i = D_i's
@@ -119,8 +120,8 @@ struct dse_dkf_config {
     dse_real limit; /* largest Frobenius norm of each Gamma, > 0: a larger one is scaled down to it,
                      * and counted. 0 (default): none */
     /* A neighbour that says nothing is taken at its last word for so many steps, its gain frozen;
-     * then it is left out. When it comes back its Gamma_ij starts from 0. >= 0; 0 (default): left
-     * out at once. */
+     * then it is left out. When it comes back its Gamma_ij starts from 0. >= -1; 0 means the
+     * default, 3; -1: left out at once. */
     int hold;
 };
 
@@ -145,6 +146,7 @@ struct dse_dkf {
     int nx, ny, n_gains; /* n_gains: number of Gamma's */
     int n_integrated;    /* reals of the state that a Runge-Kutta step moves */
     int n_state;         /* reals of `now` */
+    int hold;            /* with its default put in */
     dse_real rate;       /* of the law: beta, discrete: gamma beta */
     bool riccati, lyapunov, discrete;
     bool full; /* messages are whole states */
@@ -158,7 +160,7 @@ struct dse_dkf {
     dse_real *direction; /* nx x ny, discrete: D of this step */
     dse_real *A_before;  /* nx x nx, discrete with FILTERED: A(k-1) */
     dse_real *said;      /* n_neighbours x width: C_i xh_j, or xh_j with STANDARD */
-    dse_real *age;       /* n_neighbours: steps since it was heard; DSE_DKF_AWAY: not in use */
+    dse_real *age;       /* n_neighbours: steps since it was heard; negative: not in use */
     dse_real *y;         /* ny */
     dse_real *has;       /* ny: 1 where there is a value, else 0 */
     dse_real *residual;  /* ny: eps of the last correct */
