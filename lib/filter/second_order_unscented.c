@@ -3,11 +3,47 @@
 #include "dse/math.h"
 #include "second_order_internal.h"
 
-/* w +- sqrt(n) z_r for the rows z_r of Z, each of weight 1 / (2 n): their covariance is Z'Z. */
-static void place_points(const struct dse_second_order *filter, dse_real *points)
+#define LARGEST_SWEEPS 30
+
+/* Rotates two rows a, b so that they become orthogonal (one-sided Jacobi): with p = a'a, q = b'b and
+ * r = a'b the tangent t of the angle solves t^2 + 2 t (q - p) / (2 r) - 1 = 0. Whether it turned. */
+static bool orthogonalise(int n, dse_real *a, dse_real *b)
+{
+    const dse_real p = dse_dot(n, a, a), q = dse_dot(n, b, b), r = dse_dot(n, a, b);
+    if (!(dse_abs(r) > DSE_REAL_EPSILON * dse_sqrt(p) * dse_sqrt(q)))
+        return false;
+    const dse_real zeta = (q - p) / (2 * r);
+    const dse_real size = 1 / (dse_abs(zeta) + dse_sqrt(1 + zeta * zeta));
+    const dse_real t = zeta < 0 ? -size : size;
+    const dse_real c = 1 / dse_sqrt(1 + t * t), s = c * t;
+    for (int i = 0; i < n; i++) {
+        const dse_real a_i = a[i];
+        a[i] = c * a_i - s * b[i];
+        b[i] = s * a_i + c * b[i];
+    }
+    return true;
+}
+
+/* S^(1/2) from its eigenvectors: rotations leave Z'Z as it is; when all rows are orthogonal they are
+ * the eigenvectors of S, each times the root of its eigenvalue. They converge quadratically; rows
+ * that are not quite orthogonal are a root of S all the same. */
+static void principal_axes(int n, dse_real *Z)
+{
+    bool turned = true;
+    for (int sweep = 0; turned && sweep < LARGEST_SWEEPS; sweep++) {
+        turned = false;
+        for (int p = 0; p < n; p++)
+            for (int q = p + 1; q < n; q++)
+                turned = orthogonalise(n, Z + p * n, Z + q * n) || turned;
+    }
+}
+
+/* w +- sqrt(n) z_r for the axes z_r of S, each of weight 1 / (2 n): their covariance is S. */
+static void place_points(struct dse_second_order *filter, dse_real *points)
 {
     const int n = filter->nx;
     const dse_real spread = dse_sqrt((dse_real)n);
+    principal_axes(n, filter->Z);
     for (int r = 0; r < n; r++) {
         for (int i = 0; i < n; i++) {
             const dse_real step = spread * filter->Z[r * n + i];

@@ -39,8 +39,8 @@ enum dse_second_order_kind {
     DSE_SECOND_ORDER = 0,          /* with the trace term */
     DSE_SECOND_ORDER_EXTENDED = 1, /* without: an extended Kalman filter */
     /* 2 nx points w +- sqrt(nx) columns of S^(1/2) of equal weight through the plant's equations
-     * (section 4.8); S^(1/2) is Z', which a singular S cannot stop. Q adds its integral over the
-     * interval at the end. */
+     * (section 4.8), those of its eigenvectors, which Z is rotated into whether S is singular or
+     * not. Q adds its integral over the interval at the end. */
     DSE_SECOND_ORDER_UNSCENTED = 2
 };
 
