@@ -6,17 +6,10 @@
  * is not supported. */
 #include <stdio.h>
 
-#include "adaptive_high_gain_ekf/golden.h"
+#include "adaptive_high_gain_ekf/parts.h"
 
-static int check_file(const char *path)
+static int check_file(const json_t *root)
 {
-    json_error_t error;
-    json_t *root = json_load_file(path, 0, &error);
-    printf("%s\n", path);
-    if (root == NULL) {
-        printf("  line %d: %s\n", error.line, error.text);
-        return GOLDEN_FAIL;
-    }
     int result = GOLDEN_UNSUPPORTED;
     if (json_object_get(root, "cases") != NULL) {
         result = golden_gain_file(root);
@@ -30,26 +23,11 @@ static int check_file(const char *path)
     } else if (json_is_object(json_object_get(root, "config")) &&
                json_object_get(root, "record") != NULL) {
         result = golden_run_file(root);
-    } else {
-        printf("  this layout is not supported\n");
     }
-    json_decref(root);
     return result;
 }
 
 int main(int argc, char **argv)
 {
-    int worst = GOLDEN_PASS;
-    if (argc < 2) {
-        fprintf(stderr, "usage: %s FILE.json ...\n", argv[0]);
-        return GOLDEN_FAIL;
-    }
-    for (int k = 1; k < argc; k++) {
-        const int result = check_file(argv[k]);
-        /* a deviation weighs more than a file that nothing can be said about */
-        worst = worst == GOLDEN_FAIL || result == GOLDEN_FAIL ? GOLDEN_FAIL
-                : result > worst                              ? result
-                                                              : worst;
-    }
-    return worst;
+    return golden_main(argc, argv, check_file);
 }

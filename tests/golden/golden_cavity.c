@@ -10,8 +10,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "adaptive_high_gain_ekf/golden.h"
 #include "dse/quadratic.h"
+#include "golden.h"
 #include "sim/flow_modes.h"
 #include "sim/simulator.h"
 
@@ -198,21 +198,12 @@ static int model_file(const json_t *root)
     return result | compare_run(root, plant, SIM_FLOW, "projected", "sensors");
 }
 
+static int check_file(const json_t *root)
+{
+    return json_object_get(root, "plant") == NULL ? grid_file(root) : model_file(root);
+}
+
 int main(int argc, char **argv)
 {
-    int worst = argc < 2 ? GOLDEN_FAIL : GOLDEN_PASS;
-    if (argc < 2)
-        fprintf(stderr, "usage: %s FILE.json ...\n", argv[0]);
-    for (int i = 1; i < argc; i++) {
-        json_error_t error;
-        json_t *root = json_load_file(argv[i], 0, &error);
-        printf("%s\n", argv[i]);
-        if (root == NULL)
-            fprintf(stderr, "%s: %s\n", argv[i], error.text);
-        worst |= root == NULL                             ? GOLDEN_FAIL
-                 : json_object_get(root, "plant") == NULL ? grid_file(root)
-                                                          : model_file(root);
-        json_decref(root);
-    }
-    return worst;
+    return golden_main(argc, argv, check_file);
 }

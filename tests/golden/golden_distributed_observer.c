@@ -11,8 +11,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "adaptive_high_gain_ekf/golden.h"
 #include "distributed_observer/parts.h"
+#include "golden.h"
 
 /* Relative to the size of what is compared, or 1: what the reference promises. */
 #define TOLERANCE 1e-6
@@ -155,15 +155,8 @@ static int check_run(const json_t *root, const char *name, const json_t *run)
     return report(name, &d);
 }
 
-static int check_file(const char *path)
+static int check_file(const json_t *root)
 {
-    json_error_t error;
-    json_t *root = json_load_file(path, 0, &error);
-    printf("%s\n", path);
-    if (root == NULL) {
-        printf("  line %d: %s\n", error.line, error.text);
-        return GOLDEN_FAIL;
-    }
     json_t *runs = json_object_get(root, "runs"), *run;
     const char *name;
     int worst = json_object_size(runs) > 0 ? GOLDEN_PASS : GOLDEN_UNSUPPORTED;
@@ -173,21 +166,10 @@ static int check_file(const char *path)
         if (result != GOLDEN_PASS && worst != GOLDEN_FAIL)
             worst = result;
     }
-    json_decref(root);
     return worst;
 }
 
 int main(int argc, char **argv)
 {
-    int worst = GOLDEN_PASS;
-    if (argc < 2) {
-        fprintf(stderr, "usage: %s FILE.json ...\n", argv[0]);
-        return GOLDEN_FAIL;
-    }
-    for (int k = 1; k < argc; k++) {
-        const int result = check_file(argv[k]);
-        if (worst != GOLDEN_FAIL && result != GOLDEN_PASS)
-            worst = result;
-    }
-    return worst;
+    return golden_main(argc, argv, check_file);
 }

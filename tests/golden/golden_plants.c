@@ -10,8 +10,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "adaptive_high_gain_ekf/golden.h"
 #include "dse/linalg.h"
+#include "golden.h"
 #include "sim/simulator.h"
 
 /* Of the reference data, relative. */
@@ -189,16 +189,5 @@ static int compare_file(const json_t *root)
 
 int main(int argc, char **argv)
 {
-    int worst = argc > 1 ? GOLDEN_PASS : GOLDEN_FAIL;
-    for (int i = 1; i < argc; i++) {
-        json_error_t error;
-        json_t *root = json_load_file(argv[i], 0, &error);
-        printf("%s\n", argv[i]);
-        if (root == NULL)
-            printf("  cannot be read: %s\n", error.text);
-        const int result = root != NULL ? compare_file(root) : GOLDEN_FAIL;
-        worst = result > worst ? result : worst;
-        json_decref(root);
-    }
-    return worst;
+    return golden_main(argc, argv, compare_file);
 }

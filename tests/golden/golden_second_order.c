@@ -19,16 +19,5 @@ static int file_of_any_kind(const json_t *root)
 
 int main(int argc, char **argv)
 {
-    int worst = GOLDEN_PASS;
-    for (int k = 1; k < argc; k++) {
-        json_error_t error;
-        json_t *root = json_load_file(argv[k], 0, &error);
-        printf("%s\n", argv[k]);
-        const int result = root != NULL ? file_of_any_kind(root) : GOLDEN_FAIL;
-        if (root == NULL)
-            printf("  line %d: %s\n", error.line, error.text);
-        json_decref(root);
-        worst = result == GOLDEN_FAIL || worst == GOLDEN_PASS ? result : worst;
-    }
-    return argc > 1 ? worst : GOLDEN_FAIL;
+    return golden_main(argc, argv, file_of_any_kind);
 }

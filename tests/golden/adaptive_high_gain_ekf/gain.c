@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "dse/high_gain_ekf.h"
-#include "golden.h"
+#include "parts.h"
 
 static int gain_case(const json_t *reference)
 {

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "dse/ode.h"
-#include "golden.h"
+#include "parts.h"
 
 enum { MAX_N = 8 };
 

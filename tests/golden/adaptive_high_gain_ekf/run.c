@@ -5,7 +5,7 @@
 
 #include "dse/high_gain_ekf.h"
 #include "dse/ode.h"
-#include "golden.h"
+#include "parts.h"
 
 enum {
     MAX_P = 4,

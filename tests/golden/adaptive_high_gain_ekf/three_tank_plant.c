@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "dse/ode.h"
-#include "golden.h"
+#include "parts.h"
 
 enum { N = 5, P = 3, POINTS = 64, ROWS = 256 };
 

@@ -6,7 +6,7 @@
 
 #include "dse/high_gain_ekf.h"
 #include "dse/ode.h"
-#include "golden.h"
+#include "parts.h"
 
 enum { N = 5, P = 3, HORIZON = 108, ROWS = 128, TICKS = 512 };
 

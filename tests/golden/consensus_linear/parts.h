@@ -3,7 +3,7 @@
 #define CONSENSUS_LINEAR_PARTS_H
 
 #include "../../unit/consensus_network.h"
-#include "../adaptive_high_gain_ekf/golden.h"
+#include "../golden.h"
 
 /* The same sums in another order. */
 #define GOLDEN_LINEAR 1e-10

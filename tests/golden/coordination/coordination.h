@@ -2,7 +2,7 @@
 #ifndef GOLDEN_COORDINATION_H
 #define GOLDEN_COORDINATION_H
 
-#include "../adaptive_high_gain_ekf/golden.h"
+#include "../golden.h"
 #include "coordination_rig.h"
 
 enum { PARTS = 3, NX = 9, BLOCK = 9 };

@@ -3,7 +3,7 @@
 #define DISTRIBUTED_KALMAN_PARTS_H
 
 #include "../../unit/kalman_network.h"
-#include "../adaptive_high_gain_ekf/golden.h"
+#include "../golden.h"
 
 /* The reference agrees with itself to about this, states relative to their own size. */
 #define GOLDEN_STATES 1e-9

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "../adaptive_high_gain_ekf/golden.h"
+#include "../golden.h"
 #include "dse/linalg.h"
 #include "parts.h"
 

@@ -2,7 +2,8 @@
 #ifndef SECOND_ORDER_PARTS_H
 #define SECOND_ORDER_PARTS_H
 
-#include "../adaptive_high_gain_ekf/golden.h"
+#include "../golden.h"
+#include "../shipped_plant.h"
 
 /* Points, open-loop predictors and a trajectory of a quadratic plant. */
 int golden_quadratic_plant(const json_t *root);

@@ -104,50 +104,33 @@ int golden_compare(const json_t *object, const char *key, int rows, int columns,
     return golden_compare_as(key, object, key, rows, columns, got, tolerance);
 }
 
-int golden_plant_load(struct golden_plant *out, const char *name)
+static int check_path(const char *path, int (*check)(const json_t *root))
 {
-    static const struct {
-        const char *reference, *plant, *set;
-    } names[] = {
-        {"2cstr_ch2", "cstr2", "ch2"},
-        {"2cstr_ch4", "cstr2", "ch4"},
-        {"4cstr", "cstr4", NULL},
-        {"threetank", "three_tank", "identified"},
-        {"threetank_rig", "three_tank", "rig"},
-    };
-    *out = (struct golden_plant){0};
-    for (size_t k = 0; name != NULL && k < sizeof names / sizeof names[0]; k++) {
-        if (strcmp(names[k].reference, name) != 0) {
-            continue;
-        }
-        out->plant = dse_plant_find(names[k].plant);
-        for (int s = 0; out->plant != NULL && s < out->plant->n_sets; s++) {
-            const char *set = out->plant->sets[s].name;
-            if (out->set == NULL && (names[k].set == NULL || strcmp(names[k].set, set) == 0)) {
-                out->set = &out->plant->sets[s];
-            }
-        }
-    }
-    if (out->plant == NULL || out->set == NULL) {
-        printf("  the plant '%s' is not supported\n", name != NULL ? name : "(none)");
-        return GOLDEN_UNSUPPORTED;
-    }
-    out->prepared = calloc((size_t)out->plant->prepared_size, sizeof *out->prepared);
-    if (out->prepared == NULL || out->plant->prepare(out->set->values, out->prepared) != DSE_OK) {
-        printf("  plant '%s' cannot be prepared\n", out->plant->name);
-        golden_plant_free(out);
+    json_error_t error;
+    json_t *root = json_load_file(path, 0, &error);
+    printf("%s\n", path);
+    if (root == NULL) {
+        printf("  line %d: %s\n", error.line, error.text);
         return GOLDEN_FAIL;
     }
-    out->plant->model(out->prepared, &out->model);
-    out->plant->normal_form(out->prepared, &out->form);
-    for (int k = 0; k < out->plant->nu; k++) {
-        out->nominal_u[k] = out->plant->inputs[k].nominal;
-    }
-    return GOLDEN_PASS;
+    const int result = check(root);
+    if (result == GOLDEN_UNSUPPORTED)
+        printf("  this layout is not supported\n");
+    json_decref(root);
+    return result;
 }
 
-void golden_plant_free(struct golden_plant *plant)
+int golden_main(int argc, char **argv, int (*check)(const json_t *root))
 {
-    free(plant->prepared);
-    plant->prepared = NULL;
+    int worst = GOLDEN_PASS;
+    if (argc < 2) {
+        fprintf(stderr, "usage: %s FILE.json ...\n", argv[0]);
+        return GOLDEN_FAIL;
+    }
+    for (int k = 1; k < argc; k++) {
+        const int result = check_path(argv[k], check);
+        if (worst != GOLDEN_FAIL && result != GOLDEN_PASS)
+            worst = result;
+    }
+    return worst;
 }

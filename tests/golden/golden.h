@@ -1,10 +1,8 @@
-/* Reading reference files and judging deviations; shared by the parts of the runner. */
+/* Reading reference files and judging deviations, for all runners. */
 #ifndef GOLDEN_H
 #define GOLDEN_H
 
 #include <jansson.h>
-
-#include "dse/plant.h"
 
 /* Answers of a part, and exit codes of the runner. */
 enum { GOLDEN_PASS = 0, GOLDEN_FAIL = 1, GOLDEN_UNSUPPORTED = 2 };
@@ -29,24 +27,8 @@ int golden_compare_as(const char *name, const json_t *object, const char *key, i
 int golden_compare_numbers(const char *name, int rows, int columns, const double *got,
                            const double *want, double tolerance);
 
-/* A shipped plant that a file speaks of, ready for use. */
-struct golden_plant {
-    const struct dse_plant *plant;
-    const struct dse_parameter_set *set;
-    double *prepared;
-    struct dse_model model;
-    struct dse_normal_form form;
-    double nominal_u[DSE_PLANT_MAX_INPUTS];
-};
-/* By the reference's name ("2cstr_ch2"); GOLDEN_UNSUPPORTED when dse does not ship it. */
-int golden_plant_load(struct golden_plant *out, const char *name);
-void golden_plant_free(struct golden_plant *plant);
-
-/* One file of each kind. */
-int golden_plant_file(const json_t *root);
-int golden_gain_file(const json_t *root);
-int golden_run_file(const json_t *root);
-int golden_three_tank_plant_file(const json_t *root);
-int golden_three_tank_run_file(const json_t *root);
+/* What every runner does: reads the files that argv names, calls `check` for each and returns the
+ * exit code; a deviation weighs more than a file that nothing can be said about. */
+int golden_main(int argc, char **argv, int (*check)(const json_t *root));
 
 #endif
