@@ -56,7 +56,7 @@ static inline enum dse_status network_make(struct second_order_network *network)
 
 static inline void network_hand_over(struct second_order_network *network)
 {
-    int count[NETWORK_NODES];
+    int count[NETWORK_NODES] = {0};
     for (int i = 0; i < network->nodes; i++)
         count[i] = dse_dso_message(&network->node[i], network->message[i]);
     for (int i = 0; i < network->nodes; i++) {

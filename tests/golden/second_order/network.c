@@ -44,7 +44,7 @@ static int read_terms(struct setting *s, const json_t *root)
 static int read_setting(struct setting *s, const json_t *root)
 {
     struct second_order_network *network = &s->network;
-    double links[NETWORK_NODES * NETWORK_NODES], C[NETWORK_NODES * NETWORK_NY * NETWORK_NX];
+    double links[NETWORK_NODES * NETWORK_NODES] = {0}, C[NETWORK_NODES * NETWORK_NY * NETWORK_NX];
     double w0[NETWORK_NODES * NETWORK_NX];
     s->nodes = network->nodes = (int)json_array_size(json_object_get(root, "w0"));
     s->nx = read_numbers(root, "d", NETWORK_NX, s->d);
