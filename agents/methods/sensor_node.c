@@ -197,16 +197,17 @@ bool sensor_node_take_memory(struct sensor_node *node, const struct method_setup
     dse_arena_init(&node->arena, node->memory, reals);
     node->x0 = dse_arena_take(&node->arena, nx);
     node->P0 = dse_arena_take(&node->arena, nx * nx);
-    node->Q = keys->Q != NULL ? dse_arena_take(&node->arena, nx * nx) : NULL;
     node->R = dse_arena_take(&node->arena, ny * ny);
     node->C = dse_arena_take(&node->arena, ny * nx);
-    for (int s = 0; s < nx; s++) {
+    for (int s = 0; s < nx; s++)
         node->P0[s * nx + s] = keys->P0 != NULL ? keys->P0[s] : 1;
-        if (node->Q != NULL)
-            node->Q[s * nx + s] = keys->Q[s];
-    }
     for (int l = 0; l < ny; l++)
         node->R[l * ny + l] = keys->R[node->outputs[l]];
+    if (keys->Q != NULL) {
+        node->Q = dse_arena_take(&node->arena, nx * nx);
+        for (int s = 0; s < nx; s++)
+            node->Q[s * nx + s] = keys->Q[s];
+    }
     fill_guess(node, setup);
     return read_outputs(node, setup, error);
 }

@@ -63,7 +63,7 @@ extern const cyaml_schema_value_t sensor_node_number, sensor_node_whole;
      SCENARIO_AT_LEAST(0),                                                                         \
      .count = SCENARIO_PER_STATE,                                                                  \
      .absent = "none",                                                                             \
-     .meaning = q_meaning},                                                                        \
+     .meaning = (q_meaning)},                                                                      \
     {.key = "R",                                                                                   \
      SCENARIO_ABOVE(0),                                                                            \
      .count = SCENARIO_PER_OUTPUT,                                                                 \

@@ -1,18 +1,8 @@
 /* The adapters of the distributed Kalman filters and the distributed observers: combinations of
  * keys, who hears what of whom, and silence. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
+#include "method_rig.h"
 
-#include <cmocka.h>
-
-#include "methods/method.h"
-
-enum { MOST = 4, USED = 3, HEARD = 1, HELD = 2 }; /* the last three: diagnostics */
+enum { USED = 3, HEARD = 1, HELD = 2 }; /* diagnostics */
 
 /* Three states, four groups: x1; x2 and x3; x1; x3. */
 #define HEAD                                                                                       \
@@ -26,76 +16,6 @@ enum { MOST = 4, USED = 3, HEARD = 1, HELD = 2 }; /* the last three: diagnostics
     "distributed_kalman: {Q: [1, 1, 1], R: [1, 1, 1, 1, 1], guesses: [1, 2, 3, 4, 5, 6, 7, 8, 9, " \
     "10, 11, 12], "
 #define ALONE "Lambda: [-1, 0, 0, 0, -1, 0, 0, 0, -1]"
-
-struct rig {
-    struct scenario *scenario;
-    const struct method *method;
-    dse_real values[4], prepared[512];
-    struct method_setup setup[MOST];
-    struct method_info info[MOST];
-    void *node[MOST];
-    struct method_estimate estimate[MOST];
-    int nodes;
-};
-
-static void close_rig(struct rig *rig)
-{
-    for (int i = 0; i < rig->nodes; i++)
-        if (rig->node[i] != NULL)
-            rig->method->destroy(rig->node[i]);
-    scenario_free(rig->scenario);
-}
-
-static bool open_rig(struct rig *rig, const char *network_keys, struct error *error)
-{
-    char yaml[4000];
-    memset(rig, 0, sizeof *rig);
-    snprintf(yaml, sizeof yaml, "%s%s\n", HEAD, network_keys);
-    rig->scenario = scenario_parse(yaml, "sensors.yaml", NULL, 0, error);
-    if (rig->scenario == NULL)
-        return false;
-    const struct scenario_network *network = &rig->scenario->networks[0];
-    assert_true(rig->scenario->process->prepared_size <= 512);
-    bool ok = scenario_prepare_plant(rig->scenario, network, rig->values, rig->prepared, error);
-    rig->method = method_at(scenario_method(network));
-    for (int i = 0; i < MOST; i++)
-        rig->setup[i] = (struct method_setup){.scenario = rig->scenario,
-                                              .network = network,
-                                              .section = network->section[scenario_method(network)],
-                                              .graph = network->neighbours,
-                                              .link = scenario_link_fates(network),
-                                              .process = rig->scenario->process,
-                                              .prepared = rig->prepared,
-                                              .period = scenario_period(rig->scenario),
-                                              .node = i};
-    int nodes = rig->method->nodes(&rig->setup[0]);
-    for (int i = 0; ok && i < nodes && i < MOST; i++) {
-        rig->node[i] = rig->method->create(&rig->setup[i], &rig->info[i], error);
-        ok = rig->node[i] != NULL;
-        rig->nodes = i + 1;
-    }
-    if (!ok)
-        close_rig(rig);
-    return ok;
-}
-
-static void must_open(struct rig *rig, const char *network_keys)
-{
-    struct error error = {.text = ""};
-    if (!open_rig(rig, network_keys, &error)) {
-        fail_msg("%s", error.text);
-        abort(); /* it does not return */
-    }
-}
-
-static void begin(struct rig *rig, int i, int64_t k, bool measured)
-{
-    static const double y[2] = {1, 1};
-    const bool valid[2] = {measured, measured};
-    struct method_sample in = {
-        .k = k, .t = (double)k * rig->setup[0].period, .y = y, .valid = valid};
-    assert_int_equal(rig->method->begin(rig->node[i], &in), DSE_OK);
-}
 
 /* How many values node i says in round 0; -1: nothing. */
 static int say(struct rig *rig, int i, struct method_message *message)
@@ -140,7 +60,7 @@ static void keys_that_do_not_fit_are_refused(void **state)
     static struct rig rig;
     for (size_t c = 0; c < sizeof cases / sizeof cases[0]; c++) {
         struct error error = {.text = ""};
-        if (open_rig(&rig, cases[c].keys, &error)) {
+        if (open_rig(&rig, HEAD, cases[c].keys, &error)) {
             close_rig(&rig);
             fail_msg("accepted: %s", cases[c].keys);
         }
@@ -158,7 +78,7 @@ static void a_filter_says_each_listener_what_its_sensors_would_see(void **state)
     static struct rig rig;
     double value[METHOD_MESSAGE_CAPACITY];
     struct method_message message = {.value = value};
-    must_open(&rig, STAR FILTER "scheme: edge, gamma: 1}");
+    must_open(&rig, HEAD, STAR FILTER "scheme: edge, gamma: 1}");
     begin(&rig, 0, 0, true);
     assert_int_equal(say(&rig, 0, &message), 4);
     const double wanted[] = {2, 3, 1, 3};
@@ -177,7 +97,7 @@ static void listeners_with_equal_sensors_are_told_once(void **state)
     static struct rig rig;
     double value[METHOD_MESSAGE_CAPACITY];
     struct method_message message = {.value = value};
-    must_open(&rig, STAR FILTER "scheme: edge, gamma: 1, sensors: [0, 3, 2, 3]}");
+    must_open(&rig, HEAD, STAR FILTER "scheme: edge, gamma: 1, sensors: [0, 3, 2, 3]}");
     begin(&rig, 0, 0, true);
     assert_int_equal(say(&rig, 0, &message), 2);
     const double wanted[] = {3, 1};
@@ -192,7 +112,7 @@ static void a_filter_takes_its_own_part_of_a_message(void **state)
     static struct rig rig;
     double value[METHOD_MESSAGE_CAPACITY];
     struct method_message message = {.value = value};
-    must_open(&rig, STAR FILTER "scheme: edge, gamma: 1e-9, hold: 0}");
+    must_open(&rig, HEAD, STAR FILTER "scheme: edge, gamma: 1e-9, hold: 0}");
     begin(&rig, 0, 0, true);
     assert_int_equal(say(&rig, 0, &message), 4);
     begin(&rig, 2, 0, true);
@@ -216,7 +136,7 @@ static void without_listeners_nobody_speaks(void **state)
     static struct rig rig;
     double value[METHOD_MESSAGE_CAPACITY];
     struct method_message message = {.value = value};
-    must_open(&rig, STAR FILTER "scheme: standard, gamma: 1}");
+    must_open(&rig, HEAD, STAR FILTER "scheme: standard, gamma: 1}");
     for (int i = 0; i < 4; i++) {
         begin(&rig, i, 0, true);
         assert_int_equal(say(&rig, i, &message), i == 0 ? 3 : -1);
@@ -237,7 +157,7 @@ static void observers_say_the_rows_in_which_they_are_compared(void **state)
     static struct rig rig;
     double value[METHOD_MESSAGE_CAPACITY];
     struct method_message message = {.value = value};
-    must_open(&rig, CHAIN("gamma: 1"));
+    must_open(&rig, HEAD, CHAIN("gamma: 1"));
     assert_int_equal(rig.info[0].n_states, 1);
     assert_int_equal(rig.info[0].states[0], 2);
     begin(&rig, 0, 0, true);
@@ -259,7 +179,7 @@ static void an_observer_without_its_measurements_keeps_silent(void **state)
     static struct rig rig;
     double value[METHOD_MESSAGE_CAPACITY];
     struct method_message message = {.value = value};
-    must_open(&rig, CHAIN("gamma: 1"));
+    must_open(&rig, HEAD, CHAIN("gamma: 1"));
     begin(&rig, 0, 0, false);
     assert_int_equal(say(&rig, 0, &message), -1);
     rig.method->finish(rig.node[0], &rig.estimate[0]);
@@ -277,7 +197,7 @@ static int samples_held(const char *keys)
     static struct rig rig;
     double value[METHOD_MESSAGE_CAPACITY];
     struct method_message message = {.value = value};
-    must_open(&rig, keys);
+    must_open(&rig, HEAD, keys);
     const int diagnostic = strstr(keys, "distributed_kalman") != NULL ? USED : HELD;
     int held = 0;
     for (int k = 0; k < 8; k++) {
