@@ -6,12 +6,12 @@ import sys
 from collections.abc import Sequence
 
 from dse import __version__
-from dse.commands import compare, design, export, info, network, plot, report, sweep
+from dse.commands import compare, design, export, fields, info, network, plot, report, sweep
 from dse.errors import UserError
 
 # To add a sub-command: one module with NAME, HELP, configure(parser) and run(arguments), and its
 # name here.
-COMMANDS = (info, report, plot, export, compare, sweep, network, design)
+COMMANDS = (info, report, plot, fields, export, compare, sweep, network, design)
 
 
 def main() -> int:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dse.errors import UserError
 from dse.plants import find
 from dse.run import Floats
 
@@ -40,7 +41,10 @@ def _load(path: Path) -> ctypes.CDLL:
         ("velocity", (count, _Numbers, _Numbers)),
         ("operator", (count, text, _Numbers, _Numbers, _Numbers)),
     ):
-        getattr(library, f"flow_{name}").argtypes = arguments
+        try:
+            getattr(library, f"flow_{name}").argtypes = arguments
+        except AttributeError:
+            raise UserError(f"{path} is too old to know flows: build dse_plants again") from None
     return library
 
 

@@ -72,13 +72,19 @@ def find(path: str | Path | None = None) -> Path:
         if not Path(given).is_file():
             raise UserError(f"{given}: no such library of plants")
         return Path(given)
-    built = sorted(ROOT.glob(f"build/*/lib/{NAME}"), key=lambda one: one.stat().st_mtime)
+    found = [one for one in ROOT.glob(f"build/*/lib/{NAME}") if not _sanitized(one)]
+    built = sorted(found, key=lambda one: one.stat().st_mtime)
     if not built:
         raise UserError(
             f"{NAME} is not built: cmake --preset release && cmake --build --preset release"
             f" --target dse_plants; or name one with --library or in ${VARIABLE}"
         )
     return built[-1]
+
+
+def _sanitized(path: Path) -> bool:
+    """Whether a library wants the address sanitizer loaded first, and ends the process if not."""
+    return b"__asan_init" in path.read_bytes()
 
 
 @cache

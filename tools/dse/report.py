@@ -1,20 +1,26 @@
 """The HTML report: one folder with report.html and its pictures."""
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from dse import __version__, agreement_plots, plots
+from dse import __version__, agreement_plots, field_plots, fields, plots
 from dse.commands.info import facts
+from dse.errors import UserError
 from dse.evaluate import DEFINITIONS, Metrics
 from dse.run import Run
 from dse.tables import number, percent
 
 OVERVIEW_STATES = 12
 """More panels do not fit a picture; further states have their own."""
+
+
+FIELD_NETWORKS = 4
+"""Columns of estimated fields beside the true ones."""
 
 
 @dataclass
@@ -43,6 +49,8 @@ def write(run: Run, metrics: Metrics, directory: Path) -> Path:
         add("overview", plots.overview(run, shown, run.networks, style), "overview.png", title)
     if (figure := agreement_plots.figure(run, run.networks, style)) is not None:
         add("overview", figure, "together.png", "nodes together: error and disagreement")
+    for file, figure, caption in _fields(run):
+        add("overview", figure, file, caption)
     if not plots.always_tracking(run.networks):
         add("overview", plots.health(run, run.networks), "health.png", "health of the estimates")
     for i in states:
@@ -57,6 +65,21 @@ def write(run: Run, metrics: Metrics, directory: Path) -> Path:
     page = directory / "report.html"
     page.write_text(_page(run, metrics, title, style, pictures), encoding="utf-8")
     return page
+
+
+def _fields(run: Run) -> Iterator[tuple[str, Figure, str]]:
+    """Pictures of a flow, truth and the first node of the first networks; a warning if not."""
+    if not fields.shows_flow(run):
+        return
+    try:
+        flow_run = fields.open_run(run)
+    except UserError as error:
+        run.warnings.append(f"fields are not drawn: {error}")
+        return
+    nodes = [(n, n.nodes[0]) for n in run.networks[:FIELD_NETWORKS] if n.nodes]
+    for sample in dict.fromkeys(flow_run.nearest(time) for time in fields.moments(run)):
+        caption = f"fields at t = {flow_run.time(sample):.4g} {run.time_unit}"
+        yield f"fields_{sample}.png", field_plots.figure(flow_run, sample, nodes), caption
 
 
 def _page(
