@@ -59,14 +59,38 @@ static enum dse_status square_root(int n, const dse_real *P, dse_real *W, dse_re
     return DSE_OK;
 }
 
+/* L L' = I + G G', G = W Y^(1/2), without forming G G': for information so precise beside P that
+ * the sum would round the identity away. */
+static enum dse_status add_precise(int n, const dse_real *Y, const dse_real *W, dse_real *L,
+                                   dse_real *scratch)
+{
+    dse_real *V = scratch, *d = V + n * n, *array = d + n; /* n x 2 n: [I G] */
+    const enum dse_status status = dse_semidefinite_rows(n, n, Y, V, d);
+    if (status != DSE_OK)
+        return status;
+    for (int i = 0; i < n; i++) {
+        for (int j = 0; j < n; j++) {
+            array[i * 2 * n + j] = (dse_real)(i == j);
+            array[i * 2 * n + n + j] = dse_dot(n, W + i * n, V + j * n) * dse_sqrt(d[j]);
+        }
+    }
+    dse_lq_lower(n, 2 * n, array, L);
+    return DSE_OK;
+}
+
 /* Z = L^-1 W with L L' = I + W Y W': then M = Z'Z. Z takes the place of W. */
 static enum dse_status add_information(int n, const dse_real *Y, dse_real *W, dse_real *L,
                                        dse_real *scratch)
 {
     dse_sym_congruence(n, n, W, Y, NULL, L, scratch);
-    for (int i = 0; i < n; i++)
+    dse_real most = 0;
+    for (int i = 0; i < n; i++) {
+        most = dse_max(most, L[i * n + i]);
         L[i * n + i] += 1;
-    const enum dse_status status = dse_cholesky(n, L, L);
+    }
+    const bool precise = most * most * DSE_REAL_EPSILON > 1;
+    const enum dse_status status =
+        precise ? add_precise(n, Y, W, L, scratch) : dse_cholesky(n, L, L);
     if (status == DSE_OK)
         dse_lower_solve(n, L, n, W);
     return status;
@@ -77,8 +101,8 @@ enum dse_status dse_information_update(int nx, const dse_real *x, const dse_real
                                        dse_real *M, dse_real *scratch)
 {
     const int n = nx, square = n * n;
-    dse_real *W = scratch, *L = W + square, *sum = L + square; /* sum: n x n + n, as scratch too */
-    dse_real *residual = sum + square + n, *corrected = residual + n;
+    dse_real *W = scratch, *L = W + square, *residual = L + square, *corrected = residual + n;
+    dse_real *sum = corrected + n; /* and scratch: 3 n x n + n */
     enum dse_status status = square_root(n, P, W, sum);
     if (status == DSE_OK)
         status = add_information(n, Y, W, L, sum);

@@ -30,7 +30,7 @@ enum dse_status dse_information_of(int nx, int ny, const dse_real *C, const dse_
 /* xh (nx), M (nx x nx) of x, P and the information u, Y. P: positive semidefinite; Y: symmetric, it
  * may be indefinite by a little. M may be P, xh may be x. DSE_ENOTPD: P, or P^-1 + Y, is not;
  * DSE_ENONFINITE. On failure xh and M are as they were. */
-#define DSE_INFORMATION_SCRATCH(nx) (3 * (nx) * (nx) + 3 * (nx))
+#define DSE_INFORMATION_SCRATCH(nx) (5 * (nx) * (nx) + 3 * (nx))
 enum dse_status dse_information_update(int nx, const dse_real *x, const dse_real *P,
                                        const dse_real *u, const dse_real *Y, dse_real *xh,
                                        dse_real *M, dse_real *scratch);
