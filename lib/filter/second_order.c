@@ -90,6 +90,15 @@ static bool is_bounded(const struct dse_second_order *filter)
            certificate.dissipative && certificate.lossless;
 }
 
+static bool is_diagonal(int m, const dse_real *R)
+{
+    for (int l = 0; l < m; l++)
+        for (int k = 0; k < m; k++)
+            if (k != l && R[l * m + k] != 0)
+                return false;
+    return true;
+}
+
 static enum dse_status start(struct dse_second_order *filter)
 {
     const struct dse_second_order_config *config = filter->config;
@@ -107,6 +116,7 @@ static enum dse_status start(struct dse_second_order *filter)
         status = second_order_root(n, config->Q, filter->scratch, filter->scratch + n * n);
     if (status != DSE_OK)
         return status;
+    filter->R_diagonal = is_diagonal(m, config->R);
     /* x is zero so far: memory of an arena is */
     return dse_second_order_set(filter, config->t0, config->x0 != NULL ? config->x0 : filter->x,
                                 config->S0);

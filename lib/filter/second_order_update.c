@@ -39,20 +39,11 @@ void second_order_take(struct dse_second_order *filter, const struct dse_measure
     filter->counts.used += filter->used;
 }
 
-/* H (count x nx) = R_p^-1/2 C_p and e = R_p^-1/2 y_p of the channels that there are, by the
- * Cholesky factor of their part of R: independent noises of variance 1. Returns count. L, r: ny x
- * ny. */
-static int whiten(const struct dse_second_order *filter, const dse_real *y, dse_real *H,
-                  dse_real *e, dse_real *L)
+/* L L' = R of the channels that there are. A part of a positive definite R, which init has factored.
+ */
+static void factor_noise(const struct dse_second_order *filter, int count, dse_real *L)
 {
-    const int n = filter->nx, m = filter->ny;
-    int count = 0;
-    for (int l = 0; l < m; l++) {
-        if (filter->has[l] == 0)
-            continue;
-        second_order_copy(n, filter->C + l * n, H + count * n);
-        e[count++] = y[l];
-    }
+    const int m = filter->ny;
     for (int l = 0, row = 0; l < m; l++) {
         if (filter->has[l] == 0)
             continue;
@@ -61,8 +52,28 @@ static int whiten(const struct dse_second_order *filter, const dse_real *y, dse_
                 L[row * count + column++] = filter->config->R[l * m + k];
         row++;
     }
-    /* a part of a positive definite R, which init has factored */
     (void)dse_cholesky(count, L, L);
+}
+
+/* H (count x nx) = R^-1/2 C and e = R^-1/2 y of the channels that there are: independent noises of
+ * variance 1. Returns count. L: ny x ny, used when R is not diagonal. */
+static int whiten(const struct dse_second_order *filter, const dse_real *y, dse_real *H, dse_real *e,
+                  dse_real *L)
+{
+    const int n = filter->nx, m = filter->ny;
+    int count = 0;
+    for (int l = 0; l < m; l++) {
+        if (filter->has[l] == 0)
+            continue;
+        const dse_real scale =
+            filter->R_diagonal ? 1 / dse_sqrt(filter->config->R[l * m + l]) : 1;
+        for (int i = 0; i < n; i++)
+            H[count * n + i] = scale * filter->C[l * n + i];
+        e[count++] = scale * y[l];
+    }
+    if (filter->R_diagonal)
+        return count;
+    factor_noise(filter, count, L);
     dse_lower_solve(count, L, n, H);
     dse_lower_solve(count, L, 1, e);
     return count;

@@ -100,7 +100,8 @@ struct dse_second_order {
     dse_real *has;        /* ny: 1 where there is a value that is used, else 0 */
     dse_real *innovation; /* ny: m - C w, 0 where there is no value */
     dse_real *scratch;
-    dse_real form;  /* |F|: |q(x)| <= |F| |x|^2 */
+    dse_real form; /* |F|: |q(x)| <= |F| |x|^2 */
+    bool R_diagonal;
     bool bounded;   /* the certificate holds, and there is neither d nor Q */
     dse_real step;  /* of Dormand-Prince, for the next predict */
     bool predicted; /* the last successful step was a predict */
