@@ -92,6 +92,58 @@ static void products_equal_the_definition(void **state)
     }
 }
 
+/* expected = D + sign expected. */
+static void add_scaled(int n, dse_real sign, const dse_real *D, dse_real *expected)
+{
+    for (int i = 0; i < n; i++)
+        expected[i] = D[i] + sign * expected[i];
+}
+
+/* The same result in new memory and in place of the summand. */
+static void products_are_added_to_what_is_given(void **state)
+{
+    (void)state;
+    static dse_real A[AREA], B[AREA], C[AREA], D[AREA], expected[AREA];
+    for (int im = 0; im < N_SIZES; im++) {
+        for (int ik = 0; ik < N_SIZES; ik += 3) {
+            const int m = sizes[im], k = sizes[ik], n = sizes[(im + ik) % N_SIZES];
+            const dse_real bound = 4 * (dse_real)(k + 1) * EPS;
+            fill(AREA, A);
+            fill(AREA, B);
+            fill(AREA, D);
+            reference_product(m, k, n, A, k, 1, B, n, 1, expected);
+            add_scaled(m * n, 1, D, expected);
+            dse_mat_mul_add(m, k, n, A, B, D, C);
+            assert_below(distance(m * n, C, expected), bound);
+            dse_mat_mul_subtract(m, k, n, A, B, C, C);
+            assert_below(distance(m * n, C, D), 2 * bound);
+            dse_mat_mul_subtract(m, k, n, A, B, D, C);
+            reference_product(m, k, n, A, k, 1, B, n, 1, expected);
+            add_scaled(m * n, -1, D, expected);
+            assert_below(distance(m * n, C, expected), bound);
+            dse_mat_mul_add(m, k, n, A, B, C, C);
+            assert_below(distance(m * n, C, D), 2 * bound);
+
+            reference_product(m, k, 1, A, k, 1, B, 1, 1, expected);
+            add_scaled(m, 1, D, expected);
+            dse_mat_vec_add(m, k, A, B, D, C);
+            assert_below(distance(m, C, expected), bound);
+            for (int i = 0; i < m; i++)
+                C[i] = D[i];
+            dse_mat_vec_add(m, k, A, B, C, C);
+            assert_below(distance(m, C, expected), bound);
+            reference_product(m, k, 1, A, 1, m, B, 1, 1, expected);
+            add_scaled(m, 1, D, expected);
+            dse_mat_tvec_add(k, m, A, B, D, C);
+            assert_below(distance(m, C, expected), bound);
+            for (int i = 0; i < m; i++)
+                C[i] = D[i];
+            dse_mat_tvec_add(k, m, A, B, C, C);
+            assert_below(distance(m, C, expected), bound);
+        }
+    }
+}
+
 static void transpose_and_identity_place_every_entry(void **state)
 {
     (void)state;
@@ -452,6 +504,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(covariance_check_tells_nonfinite_and_unequal_triangles_apart),
         cmocka_unit_test(products_equal_the_definition),
+        cmocka_unit_test(products_are_added_to_what_is_given),
         cmocka_unit_test(transpose_and_identity_place_every_entry),
         cmocka_unit_test(axpy_and_dot_use_every_element),
         cmocka_unit_test(norm2_neither_overflows_nor_underflows),

@@ -11,6 +11,11 @@
 
 /* C (m x n) = A (m x k) B (k x n). */
 void dse_mat_mul(int m, int k, int n, const dse_real *A, const dse_real *B, dse_real *C);
+/* C (m x n) = D + A B and D - A B; D may be C. */
+void dse_mat_mul_add(int m, int k, int n, const dse_real *A, const dse_real *B, const dse_real *D,
+                     dse_real *C);
+void dse_mat_mul_subtract(int m, int k, int n, const dse_real *A, const dse_real *B,
+                          const dse_real *D, dse_real *C);
 /* C (m x n) = A (m x k) B', B is n x k. */
 void dse_mat_mul_nt(int m, int k, int n, const dse_real *A, const dse_real *B, dse_real *C);
 /* C (m x n) = A' B, A is k x m, B is k x n. */
@@ -19,6 +24,11 @@ void dse_mat_mul_tn(int m, int k, int n, const dse_real *A, const dse_real *B, d
 void dse_mat_vec(int m, int n, const dse_real *A, const dse_real *x, dse_real *y);
 /* y (n) = A' x, A is m x n. */
 void dse_mat_tvec(int m, int n, const dse_real *A, const dse_real *x, dse_real *y);
+/* y (m) = z + A x and y (n) = z + A' x; z may be y. */
+void dse_mat_vec_add(int m, int n, const dse_real *A, const dse_real *x, const dse_real *z,
+                     dse_real *y);
+void dse_mat_tvec_add(int m, int n, const dse_real *A, const dse_real *x, const dse_real *z,
+                      dse_real *y);
 dse_real dse_dot(int n, const dse_real *x, const dse_real *y);
 /* y += a x. */
 void dse_axpy(int n, dse_real a, const dse_real *x, dse_real *y);
