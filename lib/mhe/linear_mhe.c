@@ -134,8 +134,13 @@ enum dse_status dse_linear_mhe_init(struct dse_linear_mhe *mhe,
             : DSE_LINEAR_MHE_STORAGE(nx, config->ny, N);
     if (arena->capacity - arena->used < storage)
         return DSE_ESTORAGE;
-    *mhe = (struct dse_linear_mhe){
-        .config = config, .nx = nx, .nu = config->nu, .ny = config->ny, .N = N, .length = 1};
+    *mhe = (struct dse_linear_mhe){.config = config,
+                                   .nx = nx,
+                                   .nu = config->nu,
+                                   .ny = config->ny,
+                                   .N = N,
+                                   .length = 1,
+                                   .incomplete = 1};
     mhe->min_horizon = config->min_horizon > 0 ? config->min_horizon : nx < N ? nx : N;
     mhe->partial_from = N;
     take_memory(mhe, arena);

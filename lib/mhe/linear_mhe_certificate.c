@@ -9,11 +9,12 @@
 
 /* The largest absolute values over the window, and what follows from them. */
 struct sizes {
-    dse_real *x;     /* nx */
-    dse_real *b;     /* nx */
-    dse_real *white; /* ny */
-    dse_real *dual;  /* nx: of the terms of lambda */
-    dse_real *work;  /* nx */
+    dse_real *x;        /* nx */
+    dse_real *b;        /* nx */
+    dse_real *residual; /* nx: of the transitions */
+    dse_real *dual;     /* nx: of the terms of lambda */
+    dse_real *work;     /* nx */
+    dse_real *white;    /* ny */
 };
 
 static struct sizes sizes_in(const struct dse_linear_mhe *mhe)
@@ -21,44 +22,74 @@ static struct sizes sizes_in(const struct dse_linear_mhe *mhe)
     struct sizes s;
     s.x = mhe->scratch;
     s.b = s.x + mhe->nx;
-    s.dual = s.b + mhe->nx;
+    s.residual = s.b + mhe->nx;
+    s.dual = s.residual + mhe->nx;
     s.work = s.dual + mhe->nx;
     s.white = s.work + mhe->nx;
     return s;
 }
 
-/* A NaN does not count here: it makes a residual NaN. */
-static void enlarge(int n, const dse_real *v, dse_real *largest)
+static dse_real larger(dse_real value, dse_real largest)
 {
-    for (int i = 0; i < n; i++) {
-        const dse_real a = dse_abs(v[i]);
-        largest[i] = a > largest[i] ? a : largest[i];
-    }
+    const dse_real a = dse_abs(value);
+    return a > largest ? a : largest;
 }
 
-/* mhe->errors (length x ny) = white_j - E_j x_j, all at once but for incomplete samples; and
- * mhe->lambda = E_j' of them. */
+/* largest_i <- max(largest_i, max_j |v_ji|), v count x n. A NaN does not count here: it makes
+ * lambda_0 NaN. */
+static void enlarge(int count, int n, const dse_real *v, dse_real *largest)
+{
+    int i = 0;
+    for (; i + 4 <= n; i += 4) {
+        dse_real l0 = largest[i], l1 = largest[i + 1], l2 = largest[i + 2], l3 = largest[i + 3];
+        for (int j = 0; j < count; j++) {
+            const dse_real *row = v + j * n + i;
+            l0 = larger(row[0], l0);
+            l1 = larger(row[1], l1);
+            l2 = larger(row[2], l2);
+            l3 = larger(row[3], l3);
+        }
+        largest[i] = l0;
+        largest[i + 1] = l1;
+        largest[i + 2] = l2;
+        largest[i + 3] = l3;
+    }
+    for (; i < n; i++)
+        for (int j = 0; j < count; j++)
+            largest[i] = larger(v[j * n + i], largest[i]);
+}
+
+/* Samples from j on that lie side by side in the ring, beginning in that place. */
+static int side_by_side(const struct dse_linear_mhe *mhe, int j, int place)
+{
+    const int window = mhe->length - j, ring = mhe->N - place;
+    return window < ring ? window : ring;
+}
+
+/* mhe->errors (length x ny) = white_j - E_j x_j and mhe->lambda = E_j' of them: all at once, but
+ * for incomplete samples. */
 static void find_output_errors(struct dse_linear_mhe *mhe, const dse_real *x, const struct sizes *s)
 {
     const int nx = mhe->nx, ny = mhe->ny, H = mhe->length;
-    dse_mat_mul(H, nx, ny, x, mhe->E_transposed, mhe->errors);
-    for (int j = 0; j < H; j++) {
+    for (int j = 0, count; j < H; j += count) {
         const int place = linear_mhe_place(mhe, j);
         const dse_real *white = mhe->white + place * ny;
-        dse_real *error = mhe->errors + j * ny;
-        if (!linear_mhe_is_complete(mhe, place))
-            dse_mat_vec(ny, nx, linear_mhe_rows(mhe, place), x + j * nx, error);
-        for (int c = 0; c < ny; c++)
-            error[c] = white[c] - error[c];
-        enlarge(ny, white, s->white);
-        enlarge(nx, x + j * nx, s->x);
+        count = side_by_side(mhe, j, place);
+        dse_mat_mul_subtract(count, nx, ny, x + j * nx, mhe->E_transposed, white,
+                             mhe->errors + j * ny);
+        enlarge(count, ny, white, s->white);
     }
+    enlarge(H, nx, x, s->x);
     dse_mat_mul(H, ny, nx, mhe->errors, mhe->E, mhe->lambda);
-    for (int j = 0; j < H; j++) {
+    for (int j = 0; j < H && mhe->incomplete > 0; j++) {
         const int place = linear_mhe_place(mhe, j);
-        if (!linear_mhe_is_complete(mhe, place))
-            dse_mat_tvec(ny, nx, linear_mhe_rows(mhe, place), mhe->errors + j * ny,
-                         mhe->lambda + j * nx);
+        const dse_real *rows = linear_mhe_rows(mhe, place), *white = mhe->white + place * ny;
+        dse_real *error = mhe->errors + j * ny;
+        if (linear_mhe_is_complete(mhe, place))
+            continue;
+        for (int c = 0; c < ny; c++)
+            error[c] = white[c] - dse_dot(nx, rows + c * nx, x + j * nx);
+        dse_mat_tvec(ny, nx, rows, error, mhe->lambda + j * nx);
     }
 }
 
@@ -78,84 +109,90 @@ static void find_multipliers(struct dse_linear_mhe *mhe, const dse_real *x, cons
                              const struct sizes *s)
 {
     const int nx = mhe->nx;
+    const dse_real *A = mhe->config->linear.A;
     find_output_errors(mhe, x, s);
     for (int j = mhe->length - 1; j >= 0; j--) {
         dse_real *lambda = mhe->lambda + j * nx;
         if (y)
             dse_axpy(nx, -1, mu(mhe, y, j), lambda);
-        if (j == mhe->length - 1)
-            continue;
-        dse_mat_tvec(nx, nx, mhe->config->linear.A, lambda + nx, s->work);
-        dse_axpy(nx, 1, s->work, lambda);
+        if (j < mhe->length - 1)
+            dse_mat_tvec_add(nx, nx, A, lambda + nx, lambda, lambda);
     }
-}
-
-/* r <- r - Q v; work: nx. */
-static void subtract_noise(const struct dse_linear_mhe *mhe, const dse_real *v, dse_real *work,
-                           dse_real *r)
-{
-    const int nx = mhe->nx;
-    const dse_real *Q = mhe->config->Q;
-    if (!Q)
-        return;
-    if (mhe->Q_diagonal) {
-        for (int i = 0; i < nx; i++)
-            r[i] -= Q[i * nx + i] * v[i];
-        return;
-    }
-    dse_mat_tvec(nx, nx, Q, v, work); /* symmetric */
-    dse_axpy(nx, -1, work, r);
 }
 
 /* r <- r - Q (lambda_j - nu_j). */
 static void subtract_disturbance(const struct dse_linear_mhe *mhe, int j, const dse_real *y,
-                                 const struct sizes *s, dse_real *r)
+                                 dse_real *r)
 {
     const int nx = mhe->nx;
-    const dse_real *lambda = mhe->lambda + j * nx;
-    if (!y) {
-        subtract_noise(mhe, lambda, s->work, r);
-        return;
+    const dse_real *Q = mhe->config->Q, *dual = mhe->lambda + j * nx;
+    if (y) {
+        for (int i = 0; i < nx; i++)
+            mhe->product[i] = dual[i] - nu(mhe, y, j)[i];
+        dual = mhe->product;
     }
-    for (int i = 0; i < nx; i++)
-        mhe->product[i] = lambda[i] - nu(mhe, y, j)[i];
-    subtract_noise(mhe, mhe->product, s->work, r);
+    if (!mhe->Q_diagonal)
+        dse_mat_mul_subtract(1, nx, nx, dual, Q, r, r); /* symmetric */
+    for (int i = 0; i < nx && mhe->Q_diagonal; i++)
+        r[i] -= Q[i * nx + i] * dual[i];
 }
 
-/* residual_j = x_j - A x_{j-1} - b_j - Q (lambda_j - nu_j),  residual_0 = x_0 - xbar - P lambda_0
- * or lambda_0. */
+/* residual_0 = x_0 - xbar - P lambda_0  or  lambda_0. */
+static void find_start_residual(struct dse_linear_mhe *mhe, const dse_real *x,
+                                const struct sizes *s)
+{
+    const int nx = mhe->nx, rank = mhe->prior_rank; /* 0 when NONE */
+    const bool none = mhe->config->arrival == DSE_ARRIVAL_NONE;
+    dse_real *r = mhe->residual;
+    for (int i = 0; i < nx; i++)
+        r[i] = none ? mhe->lambda[i] : x[i] - mhe->xbar[i];
+    dse_mat_vec(rank, nx, mhe->prior_V, mhe->lambda, s->work);
+    dse_mat_mul_subtract(1, rank, nx, s->work, mhe->prior_V, r, r);
+}
+
+/* residual_j = x_j - A x_{j-1} - b_j - Q (lambda_j - nu_j). */
 static void find_residuals(struct dse_linear_mhe *mhe, const dse_real *x, const dse_real *y,
                            const struct sizes *s)
 {
     const int nx = mhe->nx, H = mhe->length;
-    dse_mat_mul(H - 1, nx, nx, x, mhe->A_transposed, mhe->residual + nx);
-    for (int j = 1; j < H; j++) {
-        const dse_real *b = mhe->b + linear_mhe_place(mhe, j) * nx;
-        dse_real *r = mhe->residual + j * nx;
-        for (int i = 0; i < nx; i++)
-            r[i] = x[j * nx + i] - r[i] - b[i];
-        subtract_disturbance(mhe, j, y, s, r);
+    for (int j = 1, count; j < H; j += count) {
+        const int place = linear_mhe_place(mhe, j);
+        const dse_real *b = mhe->b + place * nx;
+        count = side_by_side(mhe, j, place);
+        dse_mat_mul_add(count, nx, nx, x + (j - 1) * nx, mhe->A_transposed, b,
+                        mhe->residual + j * nx);
         if (mhe->nu > 0)
-            enlarge(nx, b, s->b);
+            enlarge(count, nx, b, s->b);
     }
-    dse_real *r = mhe->residual;
-    for (int i = 0; i < nx; i++)
-        r[i] = mhe->config->arrival == DSE_ARRIVAL_NONE ? mhe->lambda[i] : x[i] - mhe->xbar[i];
-    if (mhe->config->arrival == DSE_ARRIVAL_NONE)
-        return;
-    for (int p = 0; p < mhe->prior_rank; p++) {
-        const dse_real *v = mhe->prior_V + p * nx;
-        dse_axpy(nx, -dse_dot(nx, v, mhe->lambda), v, r);
-    }
+    for (int k = nx; k < H * nx; k++)
+        mhe->residual[k] = x[k] - mhe->residual[k];
+    for (int j = 1; j < H && mhe->config->Q; j++)
+        subtract_disturbance(mhe, j, y, mhe->residual + j * nx);
+    enlarge(H - 1, nx, mhe->residual + nx, s->residual);
+    find_start_residual(mhe, x, s);
 }
 
-/* sum_p |m_p| v_p. */
+/* sum_p |m_p| v_p, in four partial sums for the sake of speed. */
 static dse_real row_size(int n, const dse_real *m, const dse_real *v)
 {
-    dse_real sum = 0;
-    for (int p = 0; p < n; p++)
-        sum += dse_abs(m[p]) * v[p];
-    return sum;
+    dse_real s0 = 0, s1 = 0, s2 = 0, s3 = 0;
+    int p = 0;
+    for (; p + 4 <= n; p += 4) {
+        s0 += dse_abs(m[p]) * v[p];
+        s1 += dse_abs(m[p + 1]) * v[p + 1];
+        s2 += dse_abs(m[p + 2]) * v[p + 2];
+        s3 += dse_abs(m[p + 3]) * v[p + 3];
+    }
+    for (; p < n; p++)
+        s0 += dse_abs(m[p]) * v[p];
+    return (s0 + s1) + (s2 + s3);
+}
+
+/* v += a |m|. */
+static void add_size(int n, dse_real a, const dse_real *restrict m, dse_real *restrict v)
+{
+    for (int i = 0; i < n; i++)
+        v[i] += a * dse_abs(m[i]);
 }
 
 /* What lambda consists of, and what its recursion makes of it over the horizon:
@@ -167,12 +204,10 @@ static void find_dual_size(const struct dse_linear_mhe *mhe, const dse_real *y,
     for (int i = 0; i < nx; i++)
         s->work[i] = 0;
     for (int j = 0; y && j < mhe->length; j++)
-        enlarge(nx, mu(mhe, y, j), s->work);
+        enlarge(1, nx, mu(mhe, y, j), s->work);
     for (int c = 0; c < ny; c++) {
         const dse_real *e = mhe->E + c * nx;
-        const dse_real size = s->white[c] + row_size(nx, e, s->x);
-        for (int i = 0; i < nx; i++)
-            s->work[i] += dse_abs(e[i]) * size;
+        add_size(nx, s->white[c] + row_size(nx, e, s->x), e, s->work);
     }
     dse_mat_vec(nx, nx, mhe->spread, s->work, s->dual);
     if (!y)
@@ -180,7 +215,7 @@ static void find_dual_size(const struct dse_linear_mhe *mhe, const dse_real *y,
     for (int i = 0; i < nx; i++)
         s->work[i] = 0;
     for (int j = 1; j < mhe->length; j++)
-        enlarge(nx, nu(mhe, y, j), s->work);
+        enlarge(1, nx, nu(mhe, y, j), s->work);
     dse_axpy(nx, 1, s->work, s->dual);
 }
 
@@ -220,9 +255,7 @@ static dse_real start_ratio(const struct dse_linear_mhe *mhe, const dse_real *x,
         s->work[i] = none ? s->dual[i] : dse_abs(x[i]) + dse_abs(mhe->xbar[i]);
     for (int p = 0; p < mhe->prior_rank; p++) { /* rank 0 when NONE */
         const dse_real *v = mhe->prior_V + p * nx;
-        const dse_real along = row_size(nx, v, s->dual);
-        for (int i = 0; i < nx; i++)
-            s->work[i] += dse_abs(v[i]) * along;
+        add_size(nx, row_size(nx, v, s->dual), v, s->work);
     }
     dse_real worst = 0;
     for (int i = 0; i < nx; i++)
@@ -235,15 +268,13 @@ static dse_real transition_ratio(const struct dse_linear_mhe *mhe, const struct 
 {
     const int nx = mhe->nx;
     const dse_real *A = mhe->config->linear.A, *Q = mhe->config->Q;
-    for (int i = 0; i < nx; i++)
-        s->work[i] = 0;
-    for (int j = 1; j < mhe->length; j++)
-        enlarge(nx, mhe->residual + j * nx, s->work);
     dse_real worst = 0;
     for (int i = 0; i < nx; i++) {
-        const dse_real noise = Q ? row_size(nx, Q + i * nx, s->dual) : 0;
+        const dse_real noise = !Q                ? 0
+                               : mhe->Q_diagonal ? Q[i * nx + i] * s->dual[i]
+                                                 : row_size(nx, Q + i * nx, s->dual);
         const dse_real size = s->x[i] + row_size(nx, A + i * nx, s->x) + s->b[i] + noise;
-        worst = dse_max(worst, ratio(s->work[i], size));
+        worst = dse_max(worst, ratio(s->residual[i], size));
     }
     return worst;
 }
@@ -251,9 +282,12 @@ static dse_real transition_ratio(const struct dse_linear_mhe *mhe, const struct 
 dse_real linear_mhe_certify(struct dse_linear_mhe *mhe, const dse_real *x, const dse_real *y)
 {
     const struct sizes s = sizes_in(mhe);
-    for (int i = 0; i < 4 * mhe->nx + mhe->ny; i++)
+    for (int i = 0; i < 5 * mhe->nx + mhe->ny; i++)
         s.x[i] = 0;
     find_multipliers(mhe, x, y, &s);
+    const dse_real oldest = dse_norm_max(mhe->nx, mhe->lambda);
+    if (!dse_is_finite(oldest)) /* what is not finite comes down to lambda_0 */
+        return oldest;
     find_residuals(mhe, x, y, &s);
     find_dual_size(mhe, y, &s);
     return dse_max(start_ratio(mhe, x, &s), transition_ratio(mhe, &s));

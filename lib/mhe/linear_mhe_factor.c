@@ -20,20 +20,6 @@
 #include "dse/math.h"
 #include "linear_mhe_internal.h"
 
-static struct dse_linear_mhe_stage stage_in(int nx, dse_real *set, int distance)
-{
-    struct dse_linear_mhe_stage stage;
-    stage.T = set + distance * 3 * nx * nx;
-    stage.F = stage.T + nx * nx;
-    stage.S = stage.F + nx * nx;
-    return stage;
-}
-
-struct dse_linear_mhe_stage linear_mhe_stage(const struct dse_linear_mhe *mhe, int distance)
-{
-    return stage_in(mhe->nx, distance < mhe->partial_from ? mhe->complete : mhe->partial, distance);
-}
-
 /* Z (m x nx) <- R11'^-1 Z, R11 upper triangular in the corner of an array with rows of `width`. */
 static void solve_transposed(int m, int width, const dse_real *R, int nx, dse_real *Z)
 {
@@ -114,7 +100,7 @@ enum dse_status linear_mhe_factor_complete(struct dse_linear_mhe *mhe)
 {
     const dse_real *T_next = NULL;
     for (int d = 0; d < mhe->N; d++) {
-        const struct dse_linear_mhe_stage stage = stage_in(mhe->nx, mhe->complete, d);
+        const struct dse_linear_mhe_stage stage = linear_mhe_stage_in(mhe->nx, mhe->complete, d);
         const enum dse_status status = factor_stage(mhe, T_next, mhe->E, &stage);
         if (status != DSE_OK)
             return status;
@@ -128,11 +114,11 @@ static enum dse_status factor_partial(struct dse_linear_mhe *mhe)
 {
     const int H = mhe->length;
     mhe->partial_from = H;
-    for (int d = H - 1; d >= 0; d--)
+    for (int d = H - 1; d >= 0 && mhe->incomplete > 0; d--)
         if (!linear_mhe_is_complete(mhe, linear_mhe_place(mhe, H - 1 - d)))
             mhe->partial_from = d;
     for (int d = mhe->partial_from; d < H; d++) {
-        const struct dse_linear_mhe_stage stage = stage_in(mhe->nx, mhe->partial, d);
+        const struct dse_linear_mhe_stage stage = linear_mhe_stage_in(mhe->nx, mhe->partial, d);
         const dse_real *rows = linear_mhe_rows(mhe, linear_mhe_place(mhe, H - 1 - d));
         const enum dse_status status =
             factor_stage(mhe, d > 0 ? linear_mhe_stage(mhe, d - 1).T : NULL, rows, &stage);

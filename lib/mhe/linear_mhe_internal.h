@@ -38,8 +38,23 @@ const dse_real *linear_mhe_rows(const struct dse_linear_mhe *mhe, int place);
 enum dse_status linear_mhe_factor_complete(struct dse_linear_mhe *mhe);
 /* Those of the window as it is. DSE_ESINGULAR, DSE_ENONFINITE. */
 enum dse_status linear_mhe_factor_window(struct dse_linear_mhe *mhe);
-/* The factors that hold for a sample at this distance from the newest. */
-struct dse_linear_mhe_stage linear_mhe_stage(const struct dse_linear_mhe *mhe, int distance);
+/* Those of a sample at this distance from the newest in the set `complete` or `partial`, */
+static inline struct dse_linear_mhe_stage linear_mhe_stage_in(int nx, dse_real *set, int distance)
+{
+    struct dse_linear_mhe_stage stage;
+    stage.T = set + distance * 3 * nx * nx;
+    stage.F = stage.T + nx * nx;
+    stage.S = stage.F + nx * nx;
+    return stage;
+}
+
+/* and in that which holds for it. */
+static inline struct dse_linear_mhe_stage linear_mhe_stage(const struct dse_linear_mhe *mhe,
+                                                           int distance)
+{
+    return linear_mhe_stage_in(mhe->nx, distance < mhe->partial_from ? mhe->complete : mhe->partial,
+                               distance);
+}
 
 /* ---- the arrival cost (linear_mhe_arrival.c) ---- */
 

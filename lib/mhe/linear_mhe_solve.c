@@ -25,22 +25,6 @@ static const dse_real *at(const struct dse_linear_mhe *mhe, const dse_real *rows
     return rows + (place < mhe->N ? place : place - mhe->N) * mhe->nx;
 }
 
-/* v <- T v and v <- T' v, T upper triangular, in place. */
-static void upper_product(int n, const dse_real *T, dse_real *v)
-{
-    for (int i = 0; i < n; i++)
-        v[i] = dse_dot(n - i, T + i * n + i, v + i);
-}
-
-static void upper_transposed_product(int n, const dse_real *T, dse_real *v)
-{
-    for (int i = n - 1; i >= 0; i--) {
-        const dse_real a = v[i];
-        v[i] = 0;
-        dse_axpy(n - i, a, T + i * n + i, v + i);
-    }
-}
-
 /* v <- (T' T)^-1 v. */
 static void solve_start_alone(int n, const dse_real *T, dse_real *v)
 {
@@ -52,14 +36,12 @@ static void solve_start_alone(int n, const dse_real *T, dse_real *v)
         v[i] = (v[i] - dse_dot(n - i - 1, T + i * n + i + 1, v + i + 1)) / T[i * n + i];
 }
 
-/* ghat = g - T' T b:  the linear term of the cost to go of A x + b, as a function of A x. */
+/* ghat = g - T' T b:  the linear term of the cost to go of A x + b, as a function of A x. The zeros
+ * of the triangle T take part: few long products are faster than many short ones. */
 static void shift(int n, const dse_real *T, const dse_real *b, dse_real *work, dse_real *g)
 {
-    for (int i = 0; i < n; i++)
-        work[i] = b[i];
-    upper_product(n, T, work);
-    upper_transposed_product(n, T, work);
-    dse_axpy(n, -1, work, g);
+    dse_mat_vec(n, n, T, b, work);
+    dse_mat_mul_subtract(1, n, n, work, T, g, g);
 }
 
 /* x_0 = xbar + start' start (g_0 - T' T xbar), or (T' T)^-1 (g_0 - lambda_0). */
@@ -76,38 +58,42 @@ static void solve_start(const struct dse_linear_mhe *mhe, const struct right_han
         return;
     }
     shift(n, T, rhs->start, work, g);
-    for (int i = 0; i < n; i++)
-        x[i] = rhs->start[i];
-    for (int p = 0; p < mhe->start_rank; p++) {
-        const dse_real *s = mhe->start + p * n;
-        dse_axpy(n, dse_dot(n, s, g), s, x);
-    }
+    dse_mat_vec(mhe->start_rank, n, mhe->start, g, work);
+    dse_mat_tvec_add(mhe->start_rank, n, mhe->start, work, rhs->start, x);
+}
+
+/* g_j = c_j + F' ghat_{j+1}; beyond the newest sample there is nothing. */
+static void pull_back(const struct dse_linear_mhe *mhe, const struct right_hand_side *rhs, int j)
+{
+    const int n = mhe->nx, H = mhe->length;
+    const dse_real *c = rhs->c ? at(mhe, rhs->c, rhs->first + j) : NULL;
+    const dse_real *F = linear_mhe_stage(mhe, H - 1 - j).F;
+    dse_real *g = mhe->g + j * n;
+    if (j == H - 1)
+        for (int i = 0; i < n; i++)
+            g[i] = c ? c[i] : 0;
+    else if (c)
+        dse_mat_tvec_add(n, n, F, g + n, c, g);
+    else
+        dse_mat_tvec(n, n, F, g + n, g);
 }
 
 /* Backwards  g_j = c_j + F' ghat_{j+1},  forwards  x_{j+1} = F x_j + b_{j+1} + S ghat_{j+1}. */
 static void sweep(const struct dse_linear_mhe *mhe, const struct right_hand_side *rhs, dse_real *x)
 {
     const int n = mhe->nx, H = mhe->length;
-    dse_real *g = mhe->g, *work = mhe->scratch;
     for (int j = H - 1; j >= 0; j--) {
-        if (j == H - 1)
-            for (int i = 0; i < n; i++)
-                g[j * n + i] = 0;
-        else
-            dse_mat_tvec(n, n, linear_mhe_stage(mhe, H - 1 - j).F, g + (j + 1) * n, g + j * n);
-        if (rhs->c)
-            dse_axpy(n, 1, at(mhe, rhs->c, rhs->first + j), g + j * n);
+        pull_back(mhe, rhs, j);
         if (j > 0 && !rhs->b_is_zero)
-            shift(n, linear_mhe_stage(mhe, H - 1 - j).T, at(mhe, rhs->b, rhs->first + j), work,
-                  g + j * n);
+            shift(n, linear_mhe_stage(mhe, H - 1 - j).T, at(mhe, rhs->b, rhs->first + j),
+                  mhe->scratch, mhe->g + j * n);
     }
     solve_start(mhe, rhs, x);
     for (int j = 1; j < H; j++) {
         const struct dse_linear_mhe_stage stage = linear_mhe_stage(mhe, H - j);
-        dse_mat_vec(n, n, stage.F, x + (j - 1) * n, x + j * n);
-        dse_mat_tvec(n, n, stage.S, g + j * n, work); /* symmetric */
-        dse_axpy(n, 1, work, x + j * n);
-        dse_axpy(n, 1, at(mhe, rhs->b, rhs->first + j), x + j * n);
+        dse_real *next = x + j * n; /* S is symmetric */
+        dse_mat_tvec_add(n, n, stage.S, mhe->g + j * n, at(mhe, rhs->b, rhs->first + j), next);
+        dse_mat_vec_add(n, n, stage.F, next - n, next, next);
     }
 }
 

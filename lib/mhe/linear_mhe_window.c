@@ -75,6 +75,7 @@ static void empty(struct dse_linear_mhe *mhe, int place)
         mhe->rows[place * ny * nx + i] = 0;
     for (int i = 0; i < nx; i++)
         mhe->c[place * nx + i] = 0;
+    mhe->incomplete++;
 }
 
 /* The newest estimate for the record of the arrival cost: of the last solution, or, when that is
@@ -118,6 +119,7 @@ enum dse_status dse_linear_mhe_advance(struct dse_linear_mhe *mhe, const dse_rea
             linear_mhe_arrive(mhe, oldest == second ? drive : mhe->b + second * nx);
         if (status != DSE_OK)
             return status;
+        mhe->incomplete -= !linear_mhe_is_complete(mhe, oldest);
     } else {
         mhe->length++;
     }
@@ -173,7 +175,9 @@ enum dse_status dse_linear_mhe_measure(struct dse_linear_mhe *mhe, int age, cons
     if (direct && !dse_all_finite(u, mhe->nu))
         return DSE_ENONFINITE;
     const int place = linear_mhe_place(mhe, mhe->length - 1 - age);
+    const bool was_complete = linear_mhe_is_complete(mhe, place);
     if (take_values(mhe, place, age > 0, u, measurement) == 0)
         return DSE_OK;
+    mhe->incomplete -= !was_complete && linear_mhe_is_complete(mhe, place);
     return whiten(mhe, place);
 }

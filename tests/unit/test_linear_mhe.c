@@ -37,6 +37,17 @@ static void equals_the_kalman_filter_on_a_thousand_random_systems(void **state)
     }
 }
 
+/* Samples of the window without a value in some channel. */
+static int count_incomplete(const struct dse_linear_mhe *mhe)
+{
+    int count = 0;
+    for (int j = 0; j < mhe->length; j++) {
+        const dse_real *has = mhe->has + (mhe->newest - j) % mhe->N * mhe->ny;
+        count += has[0] == 0 || has[1] == 0;
+    }
+    return count;
+}
+
 /* Values come up to N - 1 samples late: as soon as all are there, the estimate is that of the
  * filter that had them in time. */
 static void late_values_count_as_if_they_had_come_in_time(void **state)
@@ -63,7 +74,9 @@ static void late_values_count_as_if_they_had_come_in_time(void **state)
                 continue;
             const bool only_late[2] = {false, data.valid[k - LATE][1]};
             const struct dse_measurement late = {data.y[k - LATE], only_late};
+            assert_int_equal(mhe.incomplete, count_incomplete(&mhe));
             assert_int_equal(dse_linear_mhe_measure(&mhe, LATE, &data.u[k - LATE], &late), DSE_OK);
+            assert_int_equal(mhe.incomplete, count_incomplete(&mhe));
         }
         assert_int_equal(dse_linear_mhe_solve(&mhe), DSE_OK);
         assert_agree(nx, dse_linear_mhe_state(&mhe), expected.x[STEPS - 1], AGREEMENT);

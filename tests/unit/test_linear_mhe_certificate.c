@@ -1,4 +1,5 @@
 /* The linear moving horizon estimator: what its certificate says and does. */
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -102,11 +103,44 @@ static void a_solution_above_the_tolerance_is_refused_and_the_estimate_kept(void
     assert_int_equal(dse_linear_mhe_health(&mhe), DSE_HEALTH_TRACKING);
 }
 
+/* Also where neither prior nor noise carry a multiplier into a residual. */
+static void states_that_are_not_finite_have_no_finite_certificate(void **state)
+{
+    (void)state;
+    enum { N = 5 };
+    random_state = 8;
+    for (int trial = 0; trial < 24; trial++) {
+        const int nx = 1 + trial % 6;
+        struct system s;
+        struct data data;
+        struct dse_linear_mhe mhe;
+        random_system(&s, nx, 2, trial % 2 ? nx : 0, trial % 2 ? nx : 0, 1);
+        simulate(&s, 10, &data);
+        const struct dse_linear_mhe_config config = config_of(&s, N, DSE_ARRIVAL_CONSTANT);
+        assert_int_equal(start(&mhe, &config), DSE_OK);
+        for (int k = 0; k < 8; k++)
+            step(&mhe, &data, k);
+        dse_real x[N * NX_MAX];
+        for (int i = 0; i < N * nx; i++)
+            x[i] = dse_linear_mhe_window(&mhe)[i];
+        for (int i = 0; i < N * nx; i++) {
+            const dse_real kept = x[i];
+            x[i] = (dse_real)NAN;
+            assert_false(dse_is_finite(dse_linear_mhe_certify(&mhe, x)));
+            x[i] = -(dse_real)INFINITY;
+            assert_false(dse_is_finite(dse_linear_mhe_certify(&mhe, x)));
+            x[i] = kept;
+        }
+        assert_true(dse_linear_mhe_certify(&mhe, x) == dse_linear_mhe_certificate(&mhe));
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(certificate_is_small_at_the_solution_and_large_beside_it),
         cmocka_unit_test(errors_of_the_factors_are_corrected_by_the_residual),
+        cmocka_unit_test(states_that_are_not_finite_have_no_finite_certificate),
         cmocka_unit_test(a_solution_above_the_tolerance_is_refused_and_the_estimate_kept),
     };
     return cmocka_run_group_tests_name("linear_mhe_certificate", tests, NULL, NULL);

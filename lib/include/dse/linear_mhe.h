@@ -123,6 +123,7 @@ struct dse_linear_mhe {
     long newest;      /* number of the newest sample; 0 after init, */
     int newest_place; /* and where it is in the ring */
     int length;       /* H */
+    int incomplete;   /* samples of the window that lack a value */
 
     dse_real *V;            /* rank x nx: Q = V' V */
     dse_real *L;            /* ny x ny: R = L L' */
@@ -203,7 +204,7 @@ struct dse_linear_mhe {
      DSE_LINEAR_MHE_LARGER((nx)*DSE_FACTORED_STRIDE(ny),                                           \
                            DSE_LINEAR_MHE_LARGER(DSE_FACTORED_UPDATE_SCRATCH(nx, ny),              \
                                                  DSE_FACTORED_PREDICT_SCRATCH(nx))))
-#define DSE_LINEAR_MHE_SCRATCH_REST(nx, ny) ((ny) * (ny) + (ny) + 4 * (nx))
+#define DSE_LINEAR_MHE_SCRATCH_REST(nx, ny) ((ny) * (ny) + (ny) + 5 * (nx))
 #define DSE_LINEAR_MHE_SCRATCH(nx, ny)                                                             \
     DSE_LINEAR_MHE_LARGER(DSE_LINEAR_MHE_SCRATCH_FACTOR(nx, ny),                                   \
                           DSE_LINEAR_MHE_LARGER(DSE_LINEAR_MHE_SCRATCH_ARRIVAL(nx, ny),            \
