@@ -49,9 +49,10 @@ static dse_real default_step(const struct dse_ckf *ckf)
         return dse_consensus_largest_step(DSE_CONSENSUS_LOW_PASS, degree) / dse_max(ckf->alpha, 1);
     if (ckf_averages(config->scheme))
         return DSE_REAL(1.0) / (dse_real)(1 + degree);
-    if (ckf_one_step(config->scheme))
+    if (config->scheme == DSE_CKF_C_LITERAL)
         return DSE_REAL(0.5);
-    return dse_min(DSE_REAL(0.1), dse_consensus_largest_step(DSE_CONSENSUS_AVERAGE, degree));
+    const dse_real usual = config->scheme == DSE_CKF_C ? DSE_REAL(0.5) : DSE_REAL(0.1);
+    return dse_min(usual, dse_consensus_largest_step(DSE_CONSENSUS_AVERAGE, ckf->n_neighbours));
 }
 
 static enum dse_status set_steps(struct dse_ckf *ckf)
@@ -60,7 +61,7 @@ static enum dse_status set_steps(struct dse_ckf *ckf)
     const dse_real slack = 1 + 4 * DSE_REAL_EPSILON; /* for the bound itself, rounded otherwise */
     ckf->alpha = config->alpha > 0 ? config->alpha : 1;
     ckf->epsilon = config->epsilon > 0 ? config->epsilon : default_step(ckf);
-    if (ckf_one_step(config->scheme) || config->scheme == DSE_CKF_ALONE)
+    if (config->scheme == DSE_CKF_C_LITERAL || config->scheme == DSE_CKF_ALONE)
         return DSE_OK; /* its bound depends on P */
     const int degree = ckf_averages(config->scheme) ? network_degree(config) : ckf->n_neighbours;
     const dse_real high = dse_consensus_largest_step(DSE_CONSENSUS_HIGH_PASS, degree);

@@ -64,7 +64,8 @@ enum dse_ckf_scheme {
 
     /* For comparison only: */
 
-    /* C as printed, with eps in place of eps / (1 + |P_i|_F): diverges for large ones. */
+    /* C as printed, with eps in place of eps / (1 + |P_i|_F): diverges where
+     * eps lambda_max(L) |P| is beyond about 2. */
     DSE_CKF_C_LITERAL = 4,
     /* Type I with a low-pass filter of u and a band-pass filter of Y: u = nodes c, Y = nodes b.
      * Lags, and needs sensors that are all alike, both because of the low-pass. `rounds` rounds:
@@ -109,8 +110,8 @@ struct dse_ckf_config {
     int n_neighbours;   /* >= 0: nodes that it hears, with mutual links; counted 0, 1, .. */
     int largest_degree; /* A, of the network, >= n_neighbours; 0 means n_neighbours */
     /* A: step of the filters, at most dse_consensus_largest_step of the largest degree; 0 means
-     * 1 / (1 + degree), with a low-pass 1 / (1 + 2 degree). B: 0 means 0.1, at most
-     * 1 / n_neighbours. C: 0 means 0.5. > 0. */
+     * 1 / (1 + degree), with a low-pass 1 / (1 + 2 degree). B: at most
+     * 1 / n_neighbours, 0 means that or 0.1. C: likewise, with 0.5. > 0. */
     dse_real epsilon;
     dse_real alpha; /* band-pass, > 0; 0 means 1 */
     int nodes;      /* A: of the network, > n_neighbours */
