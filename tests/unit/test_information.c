@@ -222,7 +222,7 @@ static void precise_information_leaves_the_other_directions_alone(void **state)
         want[k] = P[k] - p * (both / cc) * (p * cc / (1 + p * cc));
     }
     assert_int_equal(dse_information_update(NX, x, P, u, Y, x, M, scratch), DSE_OK);
-    assert_agree(NX * NX, M, want, TOLERANCE(1e-12, 1e-4));
+    assert_agree(NX * NX, M, want, TOLERANCE(1e-7, 2e-3)); /* eps sqrt(p c'c) */
 }
 
 static void what_cannot_be_a_covariance_is_refused_and_nothing_changes(void **state)
