@@ -25,21 +25,23 @@ def figure(flow_run: FlowRun, sample: int, nodes: Sequence[tuple[Network, Node]]
     """A column for the truth and one per node; rows are velocity, contaminant, temperature."""
     flow = flow_run.model.flow
     truth = flow_run.truth(sample)
-    columns: list[tuple[str, Fields | None]] = [(_truth_title(flow_run), truth)]
+    columns: list[tuple[str, Fields | None, list[int]]] = [(_truth_title(flow_run), truth, [])]
     for network, node in nodes:
-        columns.append((f"{network.name}, {node.name}", flow_run.estimate(node, sample)))
+        title = f"{network.name}, {node.name}"
+        columns.append((title, flow_run.estimate(node, sample), flow_run.sensors(node)))
     with mpl.rc_context({**STYLE, "axes.grid": False}):
         made = Figure(figsize=(0.9 + 2.6 * len(columns), 8.2))
         grid = made.subplots(3, len(columns), squeeze=False)
         for row in range(3):
             limits = _limits(flow, row, truth)
-            for column, (title, fields) in enumerate(columns):
+            for column, (title, fields, own) in enumerate(columns):
                 axes = grid[row, column]
                 _frame(axes, title if row == 0 else "", ROWS[row] if column == 0 else "")
                 if fields is None:
                     axes.text(0.5, 0.5, "no estimate", ha="center", va="center")
                     continue
                 picture = _draw(axes, flow, row, fields, limits)
+                _sensors(axes, flow, own)
                 if column > 0:
                     off = percent(min(relative(fields[row], truth[row]), 99.0))
                     axes.set_xlabel(f"off by {off}", fontsize=9)
@@ -84,17 +86,15 @@ def _draw(
     )
     if row == 0:
         _arrows(axes, flow, fields[0], limits[1])
-    centres = (np.array(SENSORS) + 0.5) / n
-    axes.scatter(
-        centres[:, 0],
-        centres[:, 1],
-        s=16,
-        facecolor="white",
-        edgecolor="#222222",
-        linewidth=0.8,
-        zorder=4,
-    )
     return picture
+
+
+def _sensors(axes: Axes, flow: Flow, own: list[int]) -> None:
+    """All of them as circles, those that a node reads itself as larger, filled ones."""
+    for i, cell in enumerate(SENSORS):
+        x, y = ((k + 0.5) / flow.n for k in cell)
+        size, face = (34, "#d1495b") if i in own else (16, "white")
+        axes.scatter([x], [y], size, facecolor=face, edgecolor="#222222", linewidth=0.8, zorder=4)
 
 
 def _arrows(axes: Axes, flow: Flow, w: Floats, fastest: float) -> None:

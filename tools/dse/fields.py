@@ -57,6 +57,12 @@ class FlowRun:
             return self.model.flow.fields(self.simulated[sample])
         return self.model.fields(self.run.truth.value[self._row(sample)])
 
+    def sensors(self, node: Node) -> list[int]:
+        """Which sensors a node reads itself: three outputs each."""
+        groups = (self.run.info.get("plant") or {}).get("groups") or []
+        outputs = [i for g in node.groups if g < len(groups) for i in groups[g]["outputs"]]
+        return sorted({i // 3 for i in outputs})
+
     def estimate(self, node: Node, sample: int) -> Fields | None:
         """A node's fields; None where it has no estimate of that sample."""
         found = np.flatnonzero(node.estimates.sample == sample)

@@ -25,13 +25,20 @@ def write(path: Path, x: Floats, plant: str = "cavity_free", missing: bool = Fal
     names = ["a1", "a2", "a3", "a4", "b1", "b2", "b3", "h1", "h2", "h3"]
     info = synthetic.plant_info(writer.plan) | {
         "time": {"unit": "s", "unit_s": 1, "period": PERIOD, "samples": SAMPLES},
-        "plant": {"name": plant, "set": "test", "states": [{"name": name} for name in names]},
+        "plant": {
+            "name": plant,
+            "set": "test",
+            "states": [{"name": name} for name in names],
+            "groups": [{"name": f"s{i}", "outputs": [3 * i, 3 * i + 1]} for i in range(4)],
+        },
         "networks": [{"name": "fused", "method": "second_order", "nodes": 2}],
     }
     synthetic.put_info(writer, lcmtypes.header_t.ROLE_PLANT, -1, 0, info)
     for node in range(2):
         about = {"kind": "node", "name": f"sensor {node + 1}", "method": "second_order"}
-        synthetic.put_info(writer, 1, 0, node, about | {"states": list(range(10))})
+        synthetic.put_info(
+            writer, 1, 0, node, about | {"states": list(range(10)), "groups": [node + 2]}
+        )
     for k in range(SAMPLES):
         for part, parts, count, values in synthetic.parts(x[k]):
             message = lcmtypes.truth_t()
@@ -106,6 +113,7 @@ def test_a_picture_has_a_column_for_the_truth_and_each_node(
     network = run.networks[0]
     figure = field_plots.figure(fields.open_run(run), 4, [(network, n) for n in network.nodes])
     titles = [axes.get_title(loc="left") for axes in figure.axes]
+    assert [fields.open_run(run).sensors(node) for node in network.nodes] == [[2], [3]]
     assert titles[:3] == ["truth: the reduced model", "fused, sensor 1", "fused, sensor 2"]
     assert [axes.get_xlabel() for axes in figure.axes[:9:3]] == [""] * 3
     assert [axes.get_xlabel() for axes in figure.axes[1:9:3]] == ["off by 10.00 %"] * 3

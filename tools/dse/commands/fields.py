@@ -2,10 +2,11 @@
 
 For runs whose plant is a reduced flow model (cavity_free, cavity_forced). A picture has a column
 for the truth and one per network - its first node, or the one given -, and rows for the velocity
-with streamlines, the contaminant and the temperature; circles are sensors. Colours are those of
-the truth; `off by` is the distance from the true field relative to its size. Where the truth of the
-run is the simulated flow, the true fields are whole; else they are what the modes make of the
-true coefficients. The modes are made anew, which needs libdse_plants.
+with streamlines, the contaminant and the temperature; circles are sensors, filled where the node
+reads them itself. Colours are those of the truth; `off by` is the distance from the true field
+relative to its size. Where the truth of the run is the simulated flow, the true fields are whole;
+else they are what the modes make of the true coefficients. The modes are made anew, which needs
+libdse_plants.
 """
 
 import argparse
