@@ -7,6 +7,33 @@
 #include "dse/linalg.h"
 #include "dse/math.h"
 
+/* Z <- L^-1 Z, z <- L^-1 z with R = L L'; independent noises need no factor. */
+static enum dse_status whiten(int nx, int ny, dse_real *R, dse_real *Z, dse_real *z)
+{
+    bool independent = true;
+    for (int r = 0; r < ny; r++)
+        for (int c = 0; c < r; c++)
+            independent = independent && R[r * ny + c] == 0;
+    if (!independent) {
+        const enum dse_status status = dse_cholesky(ny, R, R);
+        if (status != DSE_OK)
+            return status;
+        dse_lower_solve(ny, R, nx, Z);
+        dse_lower_solve(ny, R, 1, z);
+        return DSE_OK;
+    }
+    for (int r = 0; r < ny; r++) {
+        const dse_real variance = R[r * ny + r];
+        if (!(variance > 0))
+            return DSE_ENOTPD;
+        const dse_real scale = 1 / dse_sqrt(variance);
+        z[r] *= scale;
+        for (int c = 0; c < nx; c++)
+            Z[r * nx + c] *= scale;
+    }
+    return DSE_OK;
+}
+
 /* Z = L^-1 C and z = L^-1 y with R = L L', where the rows and columns of channels that are not
  * there are those of the identity in R and zero in C and y: then u = Z'z and Y = Z'Z. */
 enum dse_status dse_information_of(int nx, int ny, const dse_real *C, const dse_real *R,
@@ -21,18 +48,16 @@ enum dse_status dse_information_of(int nx, int ny, const dse_real *C, const dse_
         z[r] = has ? measurement->y[r] : 0;
         for (int c = 0; c < nx; c++)
             Z[r * nx + c] = has ? C[r * nx + c] : 0;
-        for (int c = 0; c <= r; c++) {
+        for (int c = 0; c <= r; c++) { /* the lower triangle */
             const bool both = has && dse_measurement_has(measurement, c);
             L[r * ny + c] = both ? R[r * ny + c] : (dse_real)(r == c);
         }
     }
     if (used != NULL)
         *used = present;
-    const enum dse_status status = dse_cholesky(ny, L, L);
+    const enum dse_status status = whiten(nx, ny, L, Z, z);
     if (status != DSE_OK)
         return status;
-    dse_lower_solve(ny, L, nx, Z);
-    dse_lower_solve(ny, L, 1, z);
     dse_mat_tvec(ny, nx, Z, z, u);
     dse_mat_mul_tn(nx, ny, nx, Z, Z, Y);
     dse_sym_enforce(nx, Y);
