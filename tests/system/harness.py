@@ -20,6 +20,7 @@ from typing import Any
 
 import lcm
 import numpy as np
+import yaml
 
 from dse import lcmtypes
 from dse.compare import estimate_hash
@@ -424,3 +425,15 @@ def inproc(stage: Stage, log: Path, *arguments: object, scenario: str = "ahg-43"
 def text_of(status: lcmtypes.status_t) -> str:
     """The reason in a status message."""
     return bytes(status.reason[: status.reason_length]).decode(errors="replace")
+
+
+def only(scenario: str, names: tuple[str, ...], samples: int, folder: Path) -> Path:
+    """A copy of a shipped scenario in `folder` with some of its networks and so many samples."""
+    file = Path(__file__).resolve().parents[2] / "sim" / "scenarios" / f"{scenario}.yaml"
+    tree = yaml.safe_load(file.read_text())
+    tree["networks"] = [network for network in tree["networks"] if network["name"] in names]
+    assert len(tree["networks"]) == len(names)
+    tree["time"]["duration_s"] = samples * tree["time"]["period_s"]
+    short = folder / f"{scenario}-short.yaml"
+    short.write_text(yaml.safe_dump(tree))
+    return short

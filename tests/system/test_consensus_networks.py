@@ -3,24 +3,9 @@
 from pathlib import Path
 
 import pytest
-import yaml
-from harness import Stage, dse, hashes, inproc
+from harness import Stage, dse, hashes, inproc, only
 
 from dse.log import read
-
-SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "scenarios"
-
-
-def only(scenario: str, names: tuple[str, ...], samples: int, folder: Path) -> Path:
-    """The scenario with some of its networks and so many samples."""
-    (file,) = SCENARIOS.glob(f"{scenario}.yaml")
-    tree = yaml.safe_load(file.read_text())
-    tree["networks"] = [network for network in tree["networks"] if network["name"] in names]
-    assert len(tree["networks"]) == len(names)
-    tree["time"]["duration_s"] = samples * tree["time"]["period_s"]
-    short = folder / "short.yaml"
-    short.write_text(yaml.safe_dump(tree))
-    return short
 
 
 @pytest.mark.parametrize(
