@@ -42,9 +42,13 @@ static void start_filters(struct dse_dso *node)
     const int n = node->filter.nx, packed = DSE_DSO_PACKED(n);
     if (dso_filters_covariance(node) || dso_sums_measurements(node))
         dso_pack(n, node->filter.S, node->Y);
-    if (node->config->scheme != DSE_DSO_A_COVARIANCE || node->config->memory == DSE_DSO_PERSISTENT)
+    const enum dse_dso_memory memory = node->config->memory;
+    if (node->config->scheme == DSE_DSO_A_INFORMATION && memory == DSE_DSO_RESTART)
+        for (int k = 0; k < n + packed; k++)
+            node->v[k] = 0;
+    if (node->config->scheme != DSE_DSO_A_COVARIANCE || memory == DSE_DSO_PERSISTENT)
         return;
-    const bool average = node->config->memory == DSE_DSO_AVERAGE;
+    const bool average = memory == DSE_DSO_AVERAGE;
     for (int k = 0; k < packed; k++) {
         node->v[k] = 0;
         node->v[packed + k] = average ? node->Y[k] : 0;

@@ -5,8 +5,9 @@
 
 #define LARGEST_SWEEPS 30
 
-/* Rotates two rows a, b so that they become orthogonal (one-sided Jacobi): with p = a'a, q = b'b and
- * r = a'b the tangent t of the angle solves t^2 + 2 t (q - p) / (2 r) - 1 = 0. Whether it turned. */
+/* Rotates two rows a, b so that they become orthogonal (one-sided Jacobi): with p = a'a, q = b'b
+ * and r = a'b the tangent t of the angle solves t^2 + 2 t (q - p) / (2 r) - 1 = 0. Whether it
+ * turned. */
 static bool orthogonalise(int n, dse_real *a, dse_real *b)
 {
     const dse_real p = dse_dot(n, a, a), q = dse_dot(n, b, b), r = dse_dot(n, a, b);
@@ -24,9 +25,9 @@ static bool orthogonalise(int n, dse_real *a, dse_real *b)
     return true;
 }
 
-/* S^(1/2) from its eigenvectors: rotations leave Z'Z as it is; when all rows are orthogonal they are
- * the eigenvectors of S, each times the root of its eigenvalue. They converge quadratically; rows
- * that are not quite orthogonal are a root of S all the same. */
+/* S^(1/2) from its eigenvectors: rotations leave Z'Z as it is; when all rows are orthogonal they
+ * are the eigenvectors of S, each times the root of its eigenvalue. They converge quadratically;
+ * rows that are not quite orthogonal are a root of S all the same. */
 static void principal_axes(int n, dse_real *Z)
 {
     bool turned = true;

@@ -39,7 +39,8 @@ void second_order_take(struct dse_second_order *filter, const struct dse_measure
     filter->counts.used += filter->used;
 }
 
-/* L L' = R of the channels that there are. A part of a positive definite R, which init has factored.
+/* L L' = R of the channels that there are. A part of a positive definite R, which init has
+ * factored.
  */
 static void factor_noise(const struct dse_second_order *filter, int count, dse_real *L)
 {
@@ -57,16 +58,15 @@ static void factor_noise(const struct dse_second_order *filter, int count, dse_r
 
 /* H (count x nx) = R^-1/2 C and e = R^-1/2 y of the channels that there are: independent noises of
  * variance 1. Returns count. L: ny x ny, used when R is not diagonal. */
-static int whiten(const struct dse_second_order *filter, const dse_real *y, dse_real *H, dse_real *e,
-                  dse_real *L)
+static int whiten(const struct dse_second_order *filter, const dse_real *y, dse_real *H,
+                  dse_real *e, dse_real *L)
 {
     const int n = filter->nx, m = filter->ny;
     int count = 0;
     for (int l = 0; l < m; l++) {
         if (filter->has[l] == 0)
             continue;
-        const dse_real scale =
-            filter->R_diagonal ? 1 / dse_sqrt(filter->config->R[l * m + l]) : 1;
+        const dse_real scale = filter->R_diagonal ? 1 / dse_sqrt(filter->config->R[l * m + l]) : 1;
         for (int i = 0; i < n; i++)
             H[count * n + i] = scale * filter->C[l * n + i];
         e[count++] = scale * y[l];

@@ -350,6 +350,31 @@ static void setting_a_node_anew_empties_its_consensus_filters(void **state)
     }
 }
 
+/* One message lost in one direction: sum v is not 0 any more, and no later round can know. */
+static void a_restart_forgets_a_one_sided_loss(void **state)
+{
+    (void)state;
+    dse_real error[3] = {0, 0, 0};
+    for (int run = 0; run < 3; run++) { /* without a loss; with one; with one and restarts */
+        prepare(DSE_DSO_A_INFORMATION, 2);
+        network.base.epsilon = DSE_REAL(0.5); /* the exact average in one round */
+        network.base.memory = run == 2 ? DSE_DSO_RESTART : DSE_DSO_AVERAGE;
+        make();
+        dse_real truth[NX];
+        memcpy(truth, plant_start, sizeof truth);
+        for (int k = 1; k <= 20; k++) {
+            plant_second(&model, truth);
+            const dse_real m[2] = {truth[0] + truth[1], truth[0] + truth[2]};
+            network.lost[0][1] = run > 0 && k == 5;
+            assert_int_equal(network_sample(&network, (dse_real)k, m), DSE_OK);
+        }
+        for (int i = 0; i < NX; i++)
+            error[run] += dse_abs(state_of(0)[i] - truth[i]);
+    }
+    assert_true(error[1] > 4 * error[0]);
+    assert_true(error[2] < 2 * error[0]);
+}
+
 /* ---- configuration ---- */
 
 static void settings_outside_their_ranges_are_refused(void **state)
@@ -415,6 +440,7 @@ int main(void)
         cmocka_unit_test(a_node_that_fails_does_not_talk),
         cmocka_unit_test(a_fused_matrix_that_is_not_positive_is_not_used),
         cmocka_unit_test(setting_a_node_anew_empties_its_consensus_filters),
+        cmocka_unit_test(a_restart_forgets_a_one_sided_loss),
         cmocka_unit_test(settings_outside_their_ranges_are_refused),
         cmocka_unit_test(storage_covers_every_scheme),
     };

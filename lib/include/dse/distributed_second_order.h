@@ -9,8 +9,7 @@
  *         dse_dso_end_round(&f);
  *     }                                                      dse_dso_state is now that of t_k
  *
- * The first message can be sent before the own measurement where it says so below. Links are
- * meant to be mutual; a neighbour that says nothing in a round is left out of its sums.
+ * Links are meant to be mutual; a neighbour that says nothing in a round is left out of its sums.
  *
  * With w_i, S_i the prediction, G_i the gain of S_i, C_i, R_i, and of information form
  *     u_i = C_i'R_i^-1 m_i,  Y_i = C_i'R_i^-1 C_i,  M_i = (I + S_i Y)^-1 S_i = Z'(I + Z Y Z')^-1 Z.
@@ -41,8 +40,8 @@ enum dse_dso_scheme {
     DSE_DSO_A_INFORMATION = 2,
     /* B-I: psi_i = w_i + G_i (m_i - C_i w_i), then as B-I-inf. One round: psi_j.  (4.61), (4.62) */
     DSE_DSO_B = 3,
-    /* C-I: xh_i = w_i + G_i (m_i - C_i w_i) + delta S_i sum_N (w_j - w_i). One round: w_j, which
-     * does not wait for the measurement.                                         (4.63)-(4.65) */
+    /* C-I: xh_i = w_i + G_i (m_i - C_i w_i) + delta S_i sum_N (w_j - w_i). One round: w_j. No gain
+     * for a node whose S_i is small already.                                     (4.63)-(4.65) */
     DSE_DSO_C = 4,
     /* A-II: fusion of covariances, by band-pass consensus filters of U_j = S_j; the gain is that of
      * the fused covariance, see enum dse_dso_memory. `rounds` rounds (1 but for AVERAGE): (g, b)_j.
@@ -62,9 +61,11 @@ enum dse_dso_scheme {
     DSE_DSO_C_LITERAL = 9
 };
 
-/* A-II: what the band-pass filter v += eps sum_N (g_j - g_i), g = v + U,
- * b += eps alpha (sum_N (b_j - b_i) + sum_J (g_j - b_i)) has at the start of a sample, and the
- * fused covariance. */
+/* What consensus filters have at the start of a sample. A-II, with the band-pass filter
+ * g = v + U, v += eps sum_N (g_j - g_i), b += eps alpha (sum_N (b_j - b_i) + sum_J (g_j - b_i)),
+ * and its fused covariance: as below. A-I*: RESTART begins with v = 0, so that `rounds` rounds have
+ * to do, but a message that was lost in one direction only is forgotten; others keep v, of which
+ * such a loss leaves a part for ever. */
 enum dse_dso_memory {
     DSE_DSO_AVERAGE = 0,   /* v = 0, b = U; b: a convex combination of the S_j */
     DSE_DSO_RESTART = 1,   /* v = b = 0; b + U, inflated by about 1 + eps alpha |J| */
@@ -88,7 +89,7 @@ struct dse_dso_config {
     dse_real epsilon; /* step, > 0; 0 means 0.1. At most 1 / (largest degree), with the low-pass
                        * part of A-II and the literal A-I 1 / (1 + 2 degree) */
     dse_real alpha;   /* > 0; 0 means 1: speed of the low-pass part */
-    enum dse_dso_memory memory; /* A-II; the literal A-I is persistent */
+    enum dse_dso_memory memory; /* A-II, A-I*; the literal A-I is persistent */
     int rounds; /* >= 1, A-I* and A-II with AVERAGE; 0 means 1. Others have their number */
     int nodes;  /* of the network, >= 1: A-I* */
 };

@@ -70,7 +70,7 @@ struct dse_second_order_config {
     int substeps;
     dse_real rtol; /* > 0; 0 means 1e-8, float: 1e-5 */
     dse_real atol; /* > 0; 0 means 1e-10, float: 1e-7 */
-    int max_steps; /* > 0, of a predict, halved ones included; 0 means 10000 */
+    int max_steps; /* > 0, of an integration, halved ones included; 0 means 10000 */
 };
 
 /* Totals since init. */
