@@ -304,6 +304,7 @@ void sim_destroy(struct simulator *sim)
         return;
     sim_cvode_destroy(sim->cvode);
     sim_driver_destroy(sim->driver);
+    sim_flow_plant_destroy(sim->flow);
     free(sim->outages);
     free(sim);
 }
