@@ -69,15 +69,17 @@ static void field_is_the_derivative_of_the_coordinates(void **state)
     for_all_plants(check_field);
 }
 
-/* dz_k - z_(k+1): what b_i puts into the rows of a chain before its last. */
-static void inputs_of_chain(struct bench *bench, const dse_real *x, dse_real *rest)
+/* b(z) = z' - A z at x: in the rows of a chain before its last one, that of the next row is not in
+ * it. */
+static void nonlinearity(struct bench *bench, const dse_real *x, dse_real *z, dse_real *b)
 {
     const struct dse_normal_form *form = &bench->form;
-    dse_real z[MAX_N], dz[MAX_N];
     assert_int_equal(form->encode(form, 0, x, bench->u, z), DSE_OK);
-    assert_int_equal(form->field(form, 0, z, bench->u, dz), DSE_OK);
-    for (int k = 0; k + 1 < form->n; k++) {
-        rest[k] = dz[k] - z[k + 1];
+    assert_int_equal(form->field(form, 0, z, bench->u, b), DSE_OK);
+    for (int i = 0, offset = 0; i < form->p; offset += form->n_i[i++]) {
+        for (int k = offset; k + 1 < offset + form->n_i[i]; k++) {
+            b[k] -= z[k + 1];
+        }
     }
 }
 
@@ -85,15 +87,15 @@ static void inputs_of_chain(struct bench *bench, const dse_real *x, dse_real *re
 static void check_chain(struct bench *bench)
 {
     const struct dse_normal_form *form = &bench->form;
-    dse_real x[MAX_N], here[MAX_N] = {0}, there[MAX_N] = {0};
+    dse_real x[MAX_N], z[MAX_N], here[MAX_N] = {0}, there[MAX_N] = {0};
     if (bench->plant->normal_form == NULL) {
         return;
     }
     for (int k = 0; k < form->n; k++) {
         x[k] = bench->x[k] + bench->plant->states[k].scale / (dse_real)(2 + k);
     }
-    inputs_of_chain(bench, bench->x, here);
-    inputs_of_chain(bench, x, there);
+    nonlinearity(bench, bench->x, z, here);
+    nonlinearity(bench, x, z, there);
     for (int i = 0, offset = 0; i < form->p; offset += form->n_i[i++]) {
         for (int k = offset; k + 1 < offset + form->n_i[i]; k++) {
             assert_near_scaled(here[k], there[k], 1, TOLERANCE(1e-11, 1e-2));
@@ -105,6 +107,52 @@ static void only_the_last_row_of_a_block_is_nonlinear_even_with_a_varying_feed(v
 {
     (void)state;
     for_all_plants(check_chain);
+}
+
+/* |Theta v|^2 with Theta_i = diag(theta^-(n* - n_i), .., theta^-(n* - 1)). */
+static dse_real scaled_square(const struct dse_normal_form *form, dse_real theta, const dse_real *v)
+{
+    dse_real sum = 0;
+    for (int i = 0, k = 0; i < form->p; i++) {
+        for (int r = 0; r < form->n_i[i]; r++, k++) {
+            const int last = form->n_i[i] - 1 - r; /* rows below it: Theta is largest at the top */
+            const dse_real scale = dse_pow(theta, (dse_real)last);
+            sum += scale * v[k] * scale * v[k];
+        }
+    }
+    return sum; /* times theta^(2 (n* - 1)), which both sides of a comparison have */
+}
+
+/* |Theta (b(z) - b(w))| / |Theta (z - w)| at theta = 1 and at a high gain. */
+static void check_lipschitz(struct bench *bench)
+{
+    const struct dse_normal_form *form = &bench->form;
+    dse_real x[MAX_N], z[MAX_N], w[MAX_N], b[MAX_N], c[MAX_N];
+    if (bench->plant->normal_form == NULL) {
+        return;
+    }
+    for (int k = 0; k < form->n; k++) {
+        x[k] = bench->x[k] + bench->plant->states[k].scale / (dse_real)(2 + k);
+    }
+    nonlinearity(bench, bench->x, z, b);
+    nonlinearity(bench, x, w, c);
+    for (int k = 0; k < form->n; k++) {
+        z[k] -= w[k];
+        b[k] -= c[k];
+    }
+    const dse_real plain = scaled_square(form, 1, b) / scaled_square(form, 1, z);
+    const dse_real high = scaled_square(form, 40, b) / scaled_square(form, 40, z);
+    assert_true(plain > 0);
+    assert_true(high <= plain);
+}
+
+/* The proofs need b to be no steeper in the coordinates Theta z, theta >= 1, than in z (appendix B
+ * of the source): so it is when only the last rows of b, which Theta makes smallest, are not zero.
+ */
+static void high_gain_does_not_steepen_the_nonlinearity(void **state)
+{
+    (void)state;
+    for_all_plants(check_lipschitz);
 }
 
 static void check_block_jacobians(struct bench *bench)
@@ -268,6 +316,7 @@ int main(void)
         cmocka_unit_test(decode_inverts_encode),
         cmocka_unit_test(field_is_the_derivative_of_the_coordinates),
         cmocka_unit_test(only_the_last_row_of_a_block_is_nonlinear_even_with_a_varying_feed),
+        cmocka_unit_test(high_gain_does_not_steepen_the_nonlinearity),
         cmocka_unit_test(block_jacobian_freezes_the_other_blocks_of_z),
         cmocka_unit_test(map_jacobian_agrees_with_differences),
         cmocka_unit_test(push_is_the_directional_derivative_of_encode),
