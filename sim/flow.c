@@ -23,10 +23,10 @@ struct sim_flow {
     double memory[];
 };
 
-static size_t doubles(int n)
+static int doubles(int n)
 {
-    return (size_t)(3 * SIM_FLOW_PSI(n) + (n - 1) + 4 * SIM_FLOW_FACES(n) + 3 * SIM_FLOW_SCALAR(n) +
-                    3 * SIM_FLOW_STATE(n));
+    return 3 * SIM_FLOW_PSI(n) + (n - 1) + 4 * SIM_FLOW_FACES(n) + 3 * SIM_FLOW_SCALAR(n) +
+           3 * SIM_FLOW_STATE(n);
 }
 
 static double *take(double **free, int count)
@@ -56,7 +56,7 @@ static void divide_memory(struct sim_flow *flow, int n)
 struct sim_flow *sim_flow_create(int n, bool forced)
 {
     struct sim_flow *flow =
-        n < 2 ? NULL : calloc(1, sizeof *flow + doubles(n) * sizeof *flow->memory);
+        n < 2 ? NULL : calloc(1, sizeof *flow + (size_t)doubles(n) * sizeof *flow->memory);
     if (flow == NULL)
         return NULL;
     flow->n = n;
