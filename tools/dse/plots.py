@@ -74,7 +74,7 @@ def state(run: Run, index: int, networks: Sequence[Network], style: Colours) -> 
         linear = figure.add_subplot(grid[1, 0])
         logarithmic = figure.add_subplot(grid[1, 1])
         _estimates(top, run, index, networks, style)
-        top.set_title(_capital(signal.title) or signal.name)
+        top.set_title(_heading(signal.title, signal.name))
         _errors(linear, run, index, networks, style)
         deviation = any(np.isfinite(node.estimates.variance).any() for _, node in run.nodes)
         linear.set_title("Estimate minus truth" + (" (shaded: 2 std. dev.)" if deviation else ""))
@@ -101,7 +101,7 @@ def overview(
         for axes, index in zip(grid.flat, states, strict=False):
             signal = run.states[index]
             _estimates(axes, run, index, networks, style)
-            axes.set_title(_capital(signal.title) or signal.name)
+            axes.set_title(_heading(signal.title, signal.name))
             axes.set_ylabel(signal.label)
         _finish_grid(grid, len(states), _time_label(run))
         _legend(figure, networks, style, truth=len(run.truth.sample) > 0)
@@ -217,9 +217,9 @@ def _opacity(lines: int) -> float:
     return 0.95 if lines <= 2 else max(0.15, 2 / lines)
 
 
-def _capital(text: str) -> str:
-    """The first letter as a capital: titles are written in lower case in run_info."""
-    return text[:1].upper() + text[1:]
+def _heading(title: str, name: str) -> str:
+    """The title with a capital (run_info has it in lower case); the name, as it is, without one."""
+    return title[:1].upper() + title[1:] if title not in ("", name) else name
 
 
 def _of_state(network: Network, index: int) -> list[tuple[Node, int, float]]:
