@@ -191,6 +191,18 @@ static dse_real times_counted(const struct dse_ckf *node, dse_real each)
     return (Y[0] + Y[2] + Y[5]) / each;
 }
 
+/* A step so large that a node gives more to each neighbour than it keeps. */
+static void the_bound_of_a_node_knows_what_it_gives_away(void **state)
+{
+    (void)state;
+    const dse_real y[SIX] = {0};
+    make(
+        (struct dse_ckf_config){.rounds = 1, .counting = DSE_CKF_BOUNDED, .epsilon = DSE_REAL(0.5)},
+        false);
+    assert_int_equal(ckf_network_sample(&network, 0, y), DSE_OK);
+    assert_true(dse_ckf_multiplicity(&network.node[0]) == 2); /* weights 1/2, 0, 1/2 */
+}
+
 /* One node has data: whatever is lost on the way, it counts in full where it is heard of, else not
  * at all. */
 static void a_single_measurement_counts_exactly_once_whatever_is_lost(void **state)
@@ -226,6 +238,54 @@ static void the_literal_form_counts_a_nodes_own_measurement_again(void **state)
         assert_int_equal(ckf_network_advance(&network), DSE_OK);
     }
     assert_near(times_counted(&network.node[0], each), 2 * SIX, TOLERANCE(1e-12, 1e-4));
+}
+
+/* Filters that are kept remember what was lost; those that start anew do not. */
+static void restart_forgets_what_was_lost(void **state)
+{
+    (void)state;
+    for (int restart = 0; restart <= 4; restart += 4) {
+        const dse_real y[SIX] = {0};
+        make((struct dse_ckf_config){.counting = DSE_CKF_IN_ALL, .rounds = 30, .restart = restart},
+             false);
+        dse_real all = 0, found = 0;
+        for (int k = 0; k < 6; k++) {
+            network.deaf[1][0] = k < 3; /* sample 4 is the first to start anew after that */
+            assert_int_equal(ckf_network_sample(&network, k, y), DSE_OK);
+            assert_int_equal(ckf_network_advance(&network), DSE_OK);
+        }
+        for (int i = 0; i < SIX; i++) {
+            all += dse_dot(NX, network.C[i], network.C[i]) / R[0];
+            found += times_counted(&network.node[i], SIX);
+        }
+        assert_int_equal(dse_abs(found - all) < TOLERANCE(1e-12, 1e-4) * all, restart == 4);
+    }
+}
+
+/* ---- mixing ---- */
+
+/* xh_i = psi_i + eps sum_N (psi_j - psi_i), psi of the nodes that have not mixed yet. */
+static void B_mixes_the_estimates_of_neighbours(void **state)
+{
+    (void)state;
+    dse_real y[SIX], psi[SIX][NX];
+    make((struct dse_ckf_config){.scheme = DSE_CKF_B, .epsilon = DSE_REAL(0.25)}, false);
+    fill(SIX, y);
+    for (int i = 0; i < SIX; i++) {
+        const struct dse_measurement sample = {y + i, NULL};
+        assert_int_equal(dse_ckf_begin(&network.node[i], 0, 0, NULL, &sample), DSE_OK);
+    }
+    assert_int_equal(ckf_network_round(&network), DSE_OK);
+    for (int i = 0; i < SIX; i++)
+        memcpy(psi[i], dse_ckf_state(&network.node[i]), sizeof psi[i]);
+    network.deaf[3][2] = true;
+    assert_int_equal(ckf_network_round(&network), DSE_OK);
+    for (int c = 0; c < NX; c++) {
+        assert_near(dse_ckf_state(&network.node[1])[c], psi[1][c] / 2 + (psi[0][c] + psi[2][c]) / 4,
+                    TOLERANCE(1e-15, 1e-6));
+        assert_near(dse_ckf_state(&network.node[3])[c], (3 * psi[3][c] + psi[4][c]) / 4,
+                    TOLERANCE(1e-15, 1e-6));
+    }
 }
 
 /* ---- stability of C ---- */
@@ -509,6 +569,9 @@ int main(void)
         cmocka_unit_test(multiplicity_is_that_of_the_graph_or_a_bound_of_it),
         cmocka_unit_test(a_single_measurement_counts_exactly_once_whatever_is_lost),
         cmocka_unit_test(the_literal_form_counts_a_nodes_own_measurement_again),
+        cmocka_unit_test(the_bound_of_a_node_knows_what_it_gives_away),
+        cmocka_unit_test(restart_forgets_what_was_lost),
+        cmocka_unit_test(B_mixes_the_estimates_of_neighbours),
         cmocka_unit_test(the_normalised_step_of_C_is_stable_where_the_literal_one_is_not),
         cmocka_unit_test(without_any_data_all_coast_and_start_when_one_has_some),
         cmocka_unit_test(a_node_that_hears_nobody_goes_on_with_its_own_data),
