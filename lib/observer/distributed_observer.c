@@ -206,7 +206,7 @@ static void heard(struct dse_distributed_observer *o, int j)
 {
     const struct dse_distributed_observer_config *c = o->config;
     if (o->age[j] > o->hold && c->gain == DSE_OBSERVER_EDGE) {
-        dse_real *Gamma = o->state + c->nz + dse_observer_first_gain(c, j);
+        dse_real *Gamma = o->state + c->nz + o->first_gain[j];
         for (int i = 0; i < dse_observer_gain_rows(c, j) * dse_observer_columns(c, j); i++)
             Gamma[i] = 0;
     }
@@ -235,7 +235,7 @@ enum dse_status dse_distributed_observer_receive_rows(struct dse_distributed_obs
     const enum dse_status status = admit(observer, j, k, rows);
     if (status != DSE_OK)
         return status;
-    dse_real *message = observer->messages + dse_observer_first_row(c, j);
+    dse_real *message = observer->messages + observer->first_row[j];
     for (int i = 0; i < k; i++)
         message[i] = rows[i];
     heard(observer, j);

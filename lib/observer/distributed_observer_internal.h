@@ -27,26 +27,6 @@ static inline int dse_observer_gain_rows(const struct dse_distributed_observer_c
     return config->residual == DSE_OBSERVER_OWN ? config->nr : dse_observer_columns(config, j);
 }
 
-/* Where neighbour j's part of the messages begins. */
-static inline int dse_observer_first_row(const struct dse_distributed_observer_config *config,
-                                         int j)
-{
-    int first = 0;
-    for (int i = 0; i < j; i++)
-        first += dse_observer_columns(config, i);
-    return first;
-}
-
-/* Where Gamma_ij begins among the gains; all neighbours share a node-dependent one. */
-static inline int dse_observer_first_gain(const struct dse_distributed_observer_config *config,
-                                          int j)
-{
-    int first = 0;
-    for (int i = 0; i < j && config->gain == DSE_OBSERVER_EDGE; i++)
-        first += dse_observer_gain_rows(config, i) * dse_observer_columns(config, i);
-    return first;
-}
-
 /* At what the right-hand side is evaluated. */
 struct dse_observer_view {
     const dse_real *y, *u;

@@ -110,6 +110,11 @@ static void count(struct dse_distributed_observer *observer, int *largest)
         observer->n_inject = c->residual == DSE_OBSERVER_OWN ? c->nr : c->nx;
 }
 
+static int *take_ints(struct dse_arena *arena, int count)
+{
+    return (int *)(void *)dse_arena_take(arena, DSE_ARENA_INTS(count));
+}
+
 /* Deals out the memory; `factor` is for init only. */
 static enum dse_status take(struct dse_distributed_observer *observer, struct dse_arena *arena,
                             dse_real **factor)
@@ -137,10 +142,26 @@ static enum dse_status take(struct dse_distributed_observer *observer, struct ds
     observer->y_stage = dse_arena_take(arena, c->ny);
     observer->u = dse_arena_take(arena, c->nu);
     observer->u_stage = dse_arena_take(arena, c->nu);
-    observer->age = (int *)(void *)dse_arena_take(arena, DSE_ARENA_INTS(c->neighbours));
-    observer->seen = (int *)(void *)dse_arena_take(arena, DSE_ARENA_INTS(c->ny));
+    observer->first_row = take_ints(arena, c->neighbours);
+    observer->first_gain = take_ints(arena, c->neighbours);
+    observer->age = take_ints(arena, c->neighbours);
+    observer->seen = take_ints(arena, c->ny);
     *factor = dse_arena_take(arena, c->nz * c->nz);
     return DSE_OK;
+}
+
+/* Where each neighbour's rows and its Gamma begin; all share a node-dependent one. */
+static void find_places(const struct dse_distributed_observer *observer)
+{
+    const struct dse_distributed_observer_config *c = observer->config;
+    int row = 0, gain = 0;
+    for (int j = 0; j < c->neighbours; j++) {
+        const int k = dse_observer_columns(c, j);
+        observer->first_row[j] = row;
+        observer->first_gain[j] = gain;
+        row += k;
+        gain += c->gain == DSE_OBSERVER_EDGE ? dse_observer_gain_rows(c, j) * k : 0;
+    }
 }
 
 enum dse_status dse_distributed_observer_init(struct dse_distributed_observer *observer,
@@ -162,6 +183,7 @@ enum dse_status dse_distributed_observer_init(struct dse_distributed_observer *o
         status = make_injection(observer, factor);
     if (status != DSE_OK)
         return status;
+    find_places(observer);
     for (int i = 0; config->z0 != NULL && i < config->nz; i++)
         observer->state[i] = config->z0[i];
     for (int j = 0; j < config->neighbours; j++)

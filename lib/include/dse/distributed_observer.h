@@ -141,6 +141,8 @@ struct dse_distributed_observer {
     dse_real *residual;   /* r, or Gamma_ij d_ij */
     dse_real *sum;        /* n_inject */
     dse_real *scratch;    /* of the integrator */
+    int *first_row;       /* neighbours: where the part of each begins in `messages` .. */
+    int *first_gain;      /* neighbours: .. and its Gamma in the gains */
     int *age;             /* neighbours: periods since the last message, -1: never heard */
     int *seen;            /* ny: the channel has been valid once */
     bool started;         /* all channels have been seen */
@@ -156,7 +158,7 @@ struct dse_distributed_observer {
 #define DSE_DISTRIBUTED_OBSERVER_STORAGE(nz, nu, ny, nx, neighbours, rows, residuals)              \
     (5 * ((nz) + (rows) * (residuals)) + (nz) * (nz) +                                             \
      ((nz) + 1) * ((nx) > (residuals) ? (nx) : (residuals)) + 2 * (rows) + (residuals) +           \
-     2 * (nx) + 3 * (ny) + 2 * (nu) + DSE_ARENA_INTS(neighbours) + DSE_ARENA_INTS(ny))
+     2 * (nx) + 3 * (ny) + 2 * (nu) + 3 * DSE_ARENA_INTS(neighbours) + DSE_ARENA_INTS(ny))
 
 /* DSE_EINVAL (a setting outside its range, or a matrix that is needed is NULL), DSE_ENONFINITE (a
  * matrix), DSE_ENOTPD (Pi), DSE_ESTORAGE. */
