@@ -158,13 +158,23 @@ static int receive_buffer(void)
     return limit > 0 && limit < RECEIVE_BUFFER / 2 ? 2 * limit : RECEIVE_BUFFER;
 }
 
+/* The recorder must not lose what comes in bursts: a UDP bus without a buffer's size gets ours. */
+static void complete_url(const char *given, char *url, int size)
+{
+    if (strncmp(given, "udpm:", 5) != 0 || strstr(given, "recv_buf_size") != NULL)
+        snprintf(url, (size_t)size, "%s", given);
+    else
+        snprintf(url, (size_t)size, "%s%crecv_buf_size=%d", given,
+                 strchr(given, '?') != NULL ? '&' : '?', receive_buffer());
+}
+
 static bool choose_url(const struct run_options *options, char *url, int size, struct error *error)
 {
     const char *given = options->common.lcm_url;
     if (given == NULL)
         given = getenv("LCM_DEFAULT_URL");
     if (given != NULL && given[0] != '\0') {
-        snprintf(url, (size_t)size, "%s", given);
+        complete_url(given, url, size);
         return true;
     }
     int port = free_port();
