@@ -82,6 +82,7 @@ static void take_price(struct dse_mhe_coordinator *c, struct dse_arena *arena)
     const int nz = c->bounded ? 2 * nx : nx;
     dual->has = dse_arena_take(arena, N * c->ny);
     dual->used = dse_arena_take(arena, N * c->ny + c->parts);
+    dual->last = take_ints(arena, m);
     dual->matrix = dse_arena_take(arena, m * m);
     if (c->bounded) {
         dual->active = dse_arena_take(arena, m * m);

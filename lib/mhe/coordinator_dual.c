@@ -5,7 +5,9 @@
  *     -Hd = sum_i B_i' P_i^-1 B_i  (+ V in the blocks of i, where h_i is eliminated with W)
  *
  * P_i is block-tridiagonal and B_i has entries only in the columns of i and its neighbours: column
- * by column one solution with P_i's factor and products with single blocks of A. */
+ * by column one solution with P_i's factor and products with single blocks of A. Two prices have
+ * an entry in common only where some agent feels both: rows end with the farthest subsystem that is
+ * two couplings away, and so do those of the factor. Only the upper triangle is made. */
 #include <stddef.h>
 
 #include "coordinator_internal.h"
@@ -41,21 +43,20 @@ static void fill_column(const struct dse_mhe_coordinator *c, int i, int l, int t
     }
 }
 
-/* response <- B_i' z for all columns of subsystem l: rows of the matrix, from `first` on. */
+/* row += B_i' z for all columns of subsystem l. */
 static void add_response(const struct dse_mhe_coordinator *c, int i, int l,
-                         const struct shape *shape, const dse_real *z, dse_real *column_of_matrix,
-                         int m)
+                         const struct shape *shape, const dse_real *z, dse_real *row)
 {
     const int nx = coordinator_nx(c, i), nl = coordinator_nx(c, l), nz = shape->nz;
     const dse_real *A = c->config->subsystems[i].A;
     dse_real *v = c->dual.scratch;
     for (int t = 0; t < c->length - 1; t++) {
         const dse_real *x = z + t * nz;
-        dse_real *out = column_of_matrix + ((c->length - 1) * c->first[l] + t * nl) * m;
+        dse_real *out = row + (c->length - 1) * c->first[l] + t * nl;
         if (l != i) {
             const dse_real *block = coordinator_block(c, l, i);
             for (int b = 0; b < nl; b++)
-                out[b * m] -= dse_dot(nx, block + b * c->n, x);
+                out[b] -= dse_dot(nx, block + b * c->n, x);
             continue;
         }
         for (int a = 0; a < nx; a++) /* G x (- w) */
@@ -64,7 +65,7 @@ static void add_response(const struct dse_mhe_coordinator *c, int i, int l,
             dse_real sum = shape->T ? 0 : v[b];
             for (int a = 0; a < nx && shape->T; a++)
                 sum += shape->T[a * nx + b] * v[a];
-            out[b * m] += sum;
+            out[b] += sum;
         }
     }
 }
@@ -76,8 +77,8 @@ static int partner(const struct dse_mhe_coordinator *c, int i, int q)
     return coordinator_takes_part(c, l) ? l : -1;
 }
 
-/* matrix += B_i' P_i^-1 B_i with the factor in dual.chain; fixed: marks entries of z that an active
- * bound holds, NULL: none. */
+/* matrix += B_i' P_i^-1 B_i, upper triangle of blocks, with the factor in dual.chain; fixed: marks
+ * entries of z that an active bound holds, NULL: none. */
 static void add_agent(struct dse_mhe_coordinator *c, int i, const struct shape *shape,
                       const dse_real *fixed, dse_real *matrix)
 {
@@ -92,24 +93,46 @@ static void add_agent(struct dse_mhe_coordinator *c, int i, const struct shape *
             for (int k = 0; k < size && fixed; k++)
                 z[k] = fixed[k] != 0 ? 0 : z[k];
             mhe_chain_solve(&c->dual.chain, z);
+            dse_real *row = matrix + ((c->length - 1) * c->first[l] + e) * m;
             for (int r = -1; r < partners; r++)
-                if (partner(c, i, r) >= 0)
-                    add_response(c, i, partner(c, i, r), shape, z,
-                                 matrix + (c->length - 1) * c->first[l] + e, m);
+                if (partner(c, i, r) >= l)
+                    add_response(c, i, partner(c, i, r), shape, z, row);
         }
     }
 }
 
-/* Zero, and one on the diagonal for those who do not take part. */
+/* dual.last: row e of subsystem i ends with the farthest one that feels what feels it, or where the
+ * row before ends. */
+static void find_envelope(struct dse_mhe_coordinator *c)
+{
+    const int transitions = c->length - 1;
+    int farthest = 0;
+    for (int i = 0; i < c->parts; i++) {
+        farthest = i > farthest ? i : farthest;
+        for (int q = c->neighbour_first[i]; q < c->neighbour_first[i + 1]; q++) {
+            const int l = c->neighbour[q], end = c->neighbour_first[l + 1];
+            const int beyond = c->neighbour[end - 1]; /* they ascend; i is one of them */
+            farthest = l > farthest ? l : farthest;
+            farthest = beyond > farthest ? beyond : farthest;
+        }
+        for (int e = transitions * c->first[i]; e < transitions * c->first[i + 1]; e++)
+            c->dual.last[e] = transitions * c->first[farthest + 1] - 1;
+    }
+}
+
+/* Zero from the diagonal block to the end of each row, and one on the diagonal for those who do not
+ * take part. */
 static void clear_matrix(const struct dse_mhe_coordinator *c, dse_real *matrix)
 {
     const int transitions = c->length - 1, m = transitions * c->n;
-    for (int e = 0; e < m * m; e++)
-        matrix[e] = 0;
-    for (int i = 0; i < c->parts; i++)
-        for (int e = transitions * c->first[i];
-             e < transitions * c->first[i + 1] && !coordinator_takes_part(c, i); e++)
-            matrix[e * m + e] = 1;
+    for (int i = 0; i < c->parts; i++) {
+        const int from = transitions * c->first[i];
+        for (int r = from; r < transitions * c->first[i + 1]; r++) {
+            for (int e = from; e <= c->dual.last[r]; e++)
+                matrix[r * m + e] = 0;
+            matrix[r * m + r] = coordinator_takes_part(c, i) ? 0 : 1;
+        }
+    }
 }
 
 /* ---- without bounds ---- */
@@ -163,13 +186,15 @@ enum dse_status coordinator_dual_free(struct dse_mhe_coordinator *c)
     if (is_known(c))
         return DSE_OK;
     dual->known = false;
+    find_envelope(c);
     clear_matrix(c, dual->matrix);
     enum dse_status status = DSE_OK;
     for (int i = 0; i < c->parts && status == DSE_OK; i++)
         if (coordinator_takes_part(c, i))
             status = add_free_agent(c, i);
     if (status == DSE_OK && !c->bounded)
-        status = dse_cholesky((c->length - 1) * c->n, dual->matrix, dual->matrix);
+        status =
+            dse_envelope_cholesky((c->length - 1) * c->n, dual->last, dual->matrix, dual->matrix);
     dual->known = status == DSE_OK;
     return status;
 }

@@ -56,9 +56,10 @@ static void keep(struct dse_mhe_coordinator *c, dse_real J)
 static enum dse_status factor(struct dse_mhe_coordinator *c, int m)
 {
     struct dse_mhe_dual *dual = &c->dual;
-    for (int e = 0; e < m * m; e++)
-        dual->factor[e] = dual->active[e] + c->prices.tau * dual->matrix[e];
-    return dse_cholesky(m, dual->factor, dual->factor);
+    for (int r = 0; r < m; r++)
+        for (int e = r * m + r; e <= r * m + dual->last[r]; e++)
+            dual->factor[e] = dual->active[e] + c->prices.tau * dual->matrix[e];
+    return dse_envelope_cholesky(m, dual->last, dual->factor, dual->factor);
 }
 
 /* E'd - 1/2 d'(-Hd)d, the gain that the model of the dual function promises. */
@@ -66,8 +67,11 @@ static dse_real expect(const struct dse_mhe_coordinator *c, int m)
 {
     const dse_real *d = c->prices.step;
     dse_real sum = dse_dot(m, c->prices.best_E, d);
-    for (int e = 0; e < m; e++)
-        sum -= d[e] * dse_dot(m, c->dual.active + e * m, d) / 2;
+    for (int e = 0; e < m; e++) {
+        const dse_real *row = c->dual.active + e * m; /* upper triangle */
+        sum -= d[e] * row[e] * d[e] / 2;
+        sum -= d[e] * dse_dot(c->dual.last[e] - e, row + e + 1, d + e + 1);
+    }
     return sum;
 }
 
@@ -96,7 +100,7 @@ void coordinator_globalised_step(struct dse_mhe_coordinator *c)
     }
     if (raises == MOST_RAISES)
         return;
-    dse_cholesky_solve(m, c->dual.factor, 1, prices->step);
+    dse_envelope_solve(m, c->dual.last, c->dual.factor, prices->step);
     prices->expected = expect(c, m);
     dse_axpy(m, 1, prices->step, c->p);
 }

@@ -72,16 +72,17 @@ static enum dse_status newton(struct dse_mhe_coordinator *c)
     const enum dse_status status = coordinator_dual_free(c);
     if (status != DSE_OK)
         return status;
-    const dse_real *L = c->dual.matrix;
+    const dse_real *U = c->dual.matrix;
     if (c->bounded) {
-        const enum dse_status factored = dse_cholesky(m, c->dual.matrix, c->dual.factor);
+        const enum dse_status factored =
+            dse_envelope_cholesky(m, c->dual.last, c->dual.matrix, c->dual.factor);
         if (factored != DSE_OK)
             return factored;
-        L = c->dual.factor;
+        U = c->dual.factor;
     }
     for (int e = 0; e < m; e++)
         prices->step[e] = prices->E[e];
-    dse_cholesky_solve(m, L, 1, prices->step);
+    dse_envelope_solve(m, c->dual.last, U, prices->step);
     dse_axpy(m, 1, prices->step, c->p);
     return DSE_OK;
 }

@@ -385,14 +385,16 @@ struct dse_mhe_coordinator_config {
 
 /* How the dual function of the price-driven scheme bends, and what its matrices are made of. */
 struct dse_mhe_dual {
-    bool known;       /* for the window, the data and the agents at hand */
-    dse_real *has;    /* N x ny of the plant, packed by length: outputs that the agents have; */
-    dse_real *used;   /* the same and who took part (parts), when the matrix was made, */
-    int used_length;  /* and the length */
-    dse_real *matrix; /* -Hd0 without bounds: ((N-1) n)^2; its factor when nobody has bounds */
-    dse_real *active; /* with bounds: -Hd of the active bounds, */
-    dse_real *factor; /* and the factor of the sum that is stepped with */
-    dse_real *bits;   /* active bounds, a bit map per subsystem */
+    bool known;      /* for the window, the data and the agents at hand */
+    dse_real *has;   /* N x ny of the plant, packed by length: outputs that the agents have; */
+    dse_real *used;  /* the same and who took part (parts), when the matrix was made, */
+    int used_length; /* and the length */
+    int *last;       /* (N-1) n: where the rows of the matrices end, see dse_envelope_cholesky */
+    /* Upper triangles of (N-1) n rows: */
+    dse_real *matrix;            /* -Hd0 without bounds; its factor when nobody has bounds */
+    dse_real *active;            /* with bounds: -Hd of the active bounds, */
+    dse_real *factor;            /* and the factor of the sum that is stepped with */
+    dse_real *bits;              /* active bounds, a bit map per subsystem */
     dse_real *column, *response; /* 2 N nx_max */
     dse_real *scratch;           /* 2 nx_max^2 */
     struct dse_mhe_chain chain;
@@ -474,8 +476,9 @@ struct dse_mhe_coordinator {
     (DSE_MHE_COORDINATOR_PREDICTION_STORAGE(n, parts, nx, N, memory) + 2 * (2 * (N)-1) * (n))
 #define DSE_MHE_COORDINATOR_PRICE_STORAGE(n, parts, nx, ny, ny_all, N)                             \
     (DSE_MHE_COORDINATOR_BASE(n, parts, nx, N) + 2 * (N) * (ny_all) + (parts) +                    \
-     5 * ((N)-1) * (n) + ((N)-1) * (n) * ((N)-1) * (n) + 2 * (N) * (nx) + 2 * (nx) * (nx) +        \
-     DSE_MHE_CHAIN_STORAGE(nx, N) + 2 * (ny) * (ny) + 2 * (ny) * (nx) + (ny) + 10 * (nx) * (nx))
+     5 * ((N)-1) * (n) + DSE_ARENA_INTS(((N)-1) * (n)) + ((N)-1) * (n) * ((N)-1) * (n) +           \
+     2 * (N) * (nx) + 2 * (nx) * (nx) + DSE_MHE_CHAIN_STORAGE(nx, N) + 2 * (ny) * (ny) +           \
+     2 * (ny) * (nx) + (ny) + 10 * (nx) * (nx))
 #define DSE_MHE_COORDINATOR_PRICE_BOUNDED_STORAGE(n, parts, nx, ny, ny_all, N)                     \
     (DSE_MHE_COORDINATOR_PRICE_STORAGE(n, parts, nx, ny, ny_all, N) +                              \
      2 * ((N)-1) * (n) * ((N)-1) * (n) + (parts)*DSE_MHE_BIT_WORDS((2 * (N)-1) * (nx)) +           \

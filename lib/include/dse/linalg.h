@@ -72,6 +72,15 @@ void dse_cholesky_solve(int n, const dse_real *L, int m, dse_real *B);
 void dse_lower_solve(int n, const dse_real *L, int m, dse_real *B);
 void dse_lower_transpose_solve(int n, const dse_real *L, int m, dse_real *B);
 
+/* A = U'U of a symmetric n x n matrix with an envelope (lib/linalg/envelope.c): right of column
+ * last[k] >= k row k of its upper triangle is zero, and last never decreases. Reads and writes the
+ * upper triangle inside of the envelope only; the bits are those of dse_cholesky. U may be A. On
+ * failure U is undefined.
+ * DSE_ENOTPD when a pivot is not positive (or not finite). */
+enum dse_status dse_envelope_cholesky(int n, const int *last, const dse_real *A, dse_real *U);
+/* b <- A^-1 b for A = U'U. */
+void dse_envelope_solve(int n, const int *last, const dse_real *U, dse_real *b);
+
 /* A = L D L', L unit lower triangular; D (n). L may be A. For symmetric definite and
  * quasi-definite matrices; DSE_ESINGULAR when a pivot is 0, DSE_ENONFINITE when it is not finite;
  * L and D are then undefined. */
