@@ -230,11 +230,11 @@ static bool create_cvode(struct simulator *sim, const struct sim_config *config,
 static bool create_flow(struct simulator *sim, const struct sim_config *config, char *reason,
                         int size)
 {
-    if (config->process.distribution != SIM_NONE)
-        return sim_reason(reason, size, "; there is no process noise in a simulated flow");
     sim->flow = sim_flow_plant_create(config->plant->name, config->flow_run);
     if (sim->flow == NULL)
         return sim_reason(reason, size, "; there is no flow behind its model, or no memory");
+    if (config->process.distribution != SIM_NONE)
+        return sim_reason(reason, size, "; there is no process noise in a simulated flow");
     sim_flow_plant_state(sim->flow, sim->x);
     return true;
 }
