@@ -7,26 +7,17 @@
  * alike. Prints tables; exits with 1 only when a filter fails or the two disagree. */
 #include <stdbool.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "dse/distributed_kalman.h"
-#include "dse/graph.h"
 #include "dse/math.h"
 #include "dse/random.h"
 
-enum { NODES = 2000, EDGES = 40000, TURNS = 31, NODE_STEPS = 20000, MOST_NX = 10 };
-#define MEAN_DEGREE 9.16 /* 458 directed edges, 50 nodes */
-#define PERIOD      DSE_REAL(0.01)
-#define GAMMA       DSE_REAL(0.0005)
+#include "bench_network.h"
 
-static double now_ns(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t); /* others may share the processor */
-    return 1e9 * (double)t.tv_sec + (double)t.tv_nsec;
-}
+enum { NODES = BENCH_NODES, EDGES = BENCH_EDGES, NODE_STEPS = 20000, MOST_NX = 10 };
+#define PERIOD DSE_REAL(0.01)
+#define GAMMA  DSE_REAL(0.0005)
 
 /* ---- the network ---- */
 
@@ -45,71 +36,33 @@ static const dse_real identity[4] = {1, 0, 0, 1};
 static const dse_real outputs[2][2] = {{1, 0}, {0, 1}};
 static const dse_real noise = DSE_REAL(0.5);
 
-static dse_real graph_memory[DSE_GRAPH_STORAGE(NODES, EDGES)];
 static dse_real memory[NODES * DSE_DKF_STORAGE(2, 1, 0) + EDGES * 8];
-static int pairs[2 * EDGES], place[EDGES];
-static struct dse_graph graph;
+static int place[EDGES];
 static struct dse_dkf_sensor listeners[EDGES];
 static struct dse_dkf_config config[NODES];
 static struct dse_dkf node[NODES];
 static dse_real guess[NODES][2], y[NODES];
 static int reals_used;
 
-static int ring_pairs(int nodes)
-{
-    for (int i = 0; i < nodes; i++) {
-        pairs[2 * i] = i;
-        pairs[2 * i + 1] = (i + 1) % nodes;
-    }
-    return nodes;
-}
-
-/* Links between all pairs nearer than a radius in the unit square. */
-static int geometric_pairs(int nodes)
-{
-    static double at[NODES][2];
-    struct dse_random random;
-    const double radius_2 = MEAN_DEGREE / (3.14159265 * nodes);
-    int count = 0;
-    dse_random_init(&random, 5, 0);
-    for (int i = 0; i < nodes; i++) {
-        at[i][0] = dse_random_uniform(&random);
-        at[i][1] = dse_random_uniform(&random);
-        for (int j = 0; j < i && count < EDGES / 2; j++) {
-            const double dx = at[i][0] - at[j][0], dy = at[i][1] - at[j][1];
-            if (dx * dx + dy * dy > radius_2)
-                continue;
-            pairs[2 * count] = i;
-            pairs[2 * count + 1] = j;
-            count++;
-        }
-    }
-    return count;
-}
-
-static bool make_network(int nodes, bool geometric)
+static bool make_network(int nodes)
 {
     struct dse_arena arena;
     struct dse_random random;
-    const int count = geometric ? geometric_pairs(nodes) : ring_pairs(nodes);
-    dse_arena_init(&arena, graph_memory, (int)(sizeof graph_memory / sizeof graph_memory[0]));
-    if (dse_graph_make(&graph, nodes, count, pairs, true, &arena) != DSE_OK)
-        return false;
-    for (int k = 0; k < graph.edges; k++)
-        listeners[k] = (struct dse_dkf_sensor){1, outputs[graph.out[k] % 2]};
+    for (int k = 0; k < bench_graph.edges; k++)
+        listeners[k] = (struct dse_dkf_sensor){1, outputs[bench_graph.out[k] % 2]};
     dse_arena_init(&arena, memory, (int)(sizeof memory / sizeof memory[0]));
     dse_random_init(&random, 7, 0);
     for (int i = 0; i < nodes; i++) {
-        for (int k = graph.in_first[i]; k < graph.in_first[i + 1]; k++)
-            place[k] = dse_graph_out_place(&graph, graph.in[k], i);
+        for (int k = bench_graph.in_first[i]; k < bench_graph.in_first[i + 1]; k++)
+            place[k] = dse_graph_out_place(&bench_graph, bench_graph.in[k], i);
         for (int c = 0; c < 2; c++)
             guess[i][c] = (dse_real)(2 * dse_random_uniform(&random) - 1);
         config[i] = (struct dse_dkf_config){.model = &plant,
                                             .period = PERIOD,
                                             .sensor = {1, outputs[i % 2]},
-                                            .n_neighbours = dse_graph_in_degree(&graph, i),
-                                            .n_listeners = dse_graph_out_degree(&graph, i),
-                                            .listeners = listeners + graph.out_first[i],
+                                            .n_neighbours = dse_graph_in_degree(&bench_graph, i),
+                                            .n_listeners = dse_graph_out_degree(&bench_graph, i),
+                                            .listeners = listeners + bench_graph.out_first[i],
                                             .scheme = DSE_DKF_EDGE,
                                             .x0 = guess[i],
                                             .P0 = identity,
@@ -131,10 +84,11 @@ static bool step_network(int nodes)
         good &= dse_dkf_begin(&node[i], 0, NULL, &sample) == DSE_OK;
     }
     for (int i = 0; i < nodes; i++) {
-        for (int k = graph.in_first[i]; k < graph.in_first[i + 1]; k++) {
+        for (int k = bench_graph.in_first[i]; k < bench_graph.in_first[i + 1]; k++) {
             dse_real message[2];
-            const int count = dse_dkf_message(&node[graph.in[k]], place[k], message);
-            good &= dse_dkf_receive(&node[i], k - graph.in_first[i], message, count) == DSE_OK;
+            const int count = dse_dkf_message(&node[bench_graph.in[k]], place[k], message);
+            good &=
+                dse_dkf_receive(&node[i], k - bench_graph.in_first[i], message, count) == DSE_OK;
         }
     }
     for (int i = 0; i < nodes; i++)
@@ -214,34 +168,13 @@ static void bare_step(struct bare *s, int c, dse_real y_i, int degree, dse_real 
 static void step_bare(int nodes)
 {
     for (int i = 0; i < nodes; i++)
-        for (int k = graph.in_first[i]; k < graph.in_first[i + 1]; k++)
-            said[k] = bare[graph.in[k]].x[i % 2];
+        for (int k = bench_graph.in_first[i]; k < bench_graph.in_first[i + 1]; k++)
+            said[k] = bare[bench_graph.in[k]].x[i % 2];
     for (int i = 0; i < nodes; i++) {
-        const int first = graph.in_first[i];
-        bare_step(&bare[i], i % 2, y[i], graph.in_first[i + 1] - first, gamma_ij + first,
+        const int first = bench_graph.in_first[i];
+        bare_step(&bare[i], i % 2, y[i], bench_graph.in_first[i + 1] - first, gamma_ij + first,
                   said + first);
     }
-}
-
-/* ---- measuring ---- */
-
-/* So many multiplications and additions per step in vectors of 16 that stay in the cache. */
-static dse_real flop_floor(int steps, double count)
-{
-    static dse_real a[16], b[16];
-    for (int k = 0; k < 16; k++)
-        a[k] = (dse_real)k;
-    const int vectors = (int)(count / 16) + 1;
-    for (int s = 0; s < steps; s++)
-        for (int v = 0; v < vectors; v++)
-            dse_axpy(16, DSE_REAL(1e-9), a, b);
-    return b[3];
-}
-
-static int compare(const void *a, const void *b)
-{
-    const double p = *(const double *)a, q = *(const double *)b;
-    return (p > q) - (p < q);
 }
 
 static bool agree(int nodes)
@@ -253,67 +186,9 @@ static bool agree(int nodes)
     return true;
 }
 
-struct times {
-    double ns;       /* least time of one step of the network */
-    double to_floor; /* median of the ratios to the floor, and to a fixed piece of work, turn by
-                        turn: */
-    double to_work;  /* neither sees the processor change its clock */
-};
-
-static bool measure(int nodes, struct times *times)
+static double bytes(int nodes)
 {
-    static double ns[TURNS], floors[TURNS], works[TURNS];
-    static dse_real ballast;
-    const int repeat = 1 + 4000 / nodes;
-    for (int turn = -2; turn < TURNS; turn++) {
-        const double begin = now_ns();
-        for (int r = 0; r < repeat; r++)
-            if (!step_network(nodes))
-                return false;
-        const double stepped = now_ns();
-        for (int r = 0; r < repeat; r++)
-            step_bare(nodes);
-        const double floored = now_ns();
-        ballast += flop_floor(100, 1000);
-        if (turn >= 0) {
-            ns[turn] = (stepped - begin) / repeat;
-            floors[turn] = (stepped - begin) / (floored - stepped);
-            works[turn] = (stepped - begin) / repeat / (now_ns() - floored);
-        }
-    }
-    qsort(ns, TURNS, sizeof ns[0], compare);
-    qsort(floors, TURNS, sizeof floors[0], compare);
-    qsort(works, TURNS, sizeof works[0], compare);
-    *times = (struct times){ns[0], floors[TURNS / 2], works[TURNS / 2]};
-    return ballast == ballast;
-}
-
-/* The last column says whether the cost grows faster than the edges: an edge's cost to that of the
- * network with 50 nodes. */
-static bool bench_networks(bool geometric)
-{
-    static const int sizes[] = {50, 6, 20, 200, 500, 1000, 2000};
-    double fifty = 0;
-    printf("%s\n  nodes   edges  us a step   ns a node  bytes a node  to the floor  an edge, to 50 "
-           "nodes\n",
-           geometric ? "random geometric graphs" : "rings, both ways");
-    for (size_t s = 0; s < sizeof sizes / sizeof sizes[0]; s++) {
-        struct times times;
-        if (!make_network(sizes[s], geometric))
-            return false;
-        make_bare(sizes[s]);
-        if (!measure(sizes[s], &times) || !agree(sizes[s])) {
-            printf("%d nodes: failed\n", sizes[s]);
-            return false;
-        }
-        const double an_edge = times.to_work / graph.edges;
-        fifty = s == 0 ? an_edge : fifty;
-        printf("  %5d  %6d  %9.1f  %10.0f  %12.0f  %12.2f  %20.2f\n", sizes[s], graph.edges,
-               1e-3 * times.ns, times.ns / sizes[s],
-               (double)reals_used * sizeof(dse_real) / sizes[s] + sizeof(struct dse_dkf),
-               times.to_floor, an_edge / fifty);
-    }
-    return true;
+    return (double)reals_used * sizeof(dse_real) / nodes + sizeof(struct dse_dkf);
 }
 
 /* ---- one node of more states ---- */
@@ -363,8 +238,8 @@ static bool bench_node(int n, int m)
     const struct dse_measurement sample = {zero, NULL};
     double fastest[2] = {1e300, 1e300};
     dse_real ballast = 0;
-    for (int turn = 0; turn < TURNS; turn++) {
-        const double begin = now_ns();
+    for (int turn = 0; turn < BENCH_TURNS; turn++) {
+        const double begin = bench_now_ns();
         for (int s = 0; s < steps; s++) {
             dse_dkf_begin(&dkf, 0, NULL, &sample);
             for (int j = 0; j < DEGREE; j++)
@@ -372,9 +247,9 @@ static bool bench_node(int n, int m)
             if (dse_dkf_correct(&dkf) != DSE_OK || dse_dkf_advance(&dkf) != DSE_OK)
                 return false;
         }
-        const double middle = now_ns();
-        ballast += flop_floor(steps, flops(n, m, DEGREE));
-        const double end = now_ns();
+        const double middle = bench_now_ns();
+        ballast += bench_multiply(steps, flops(n, m, DEGREE));
+        const double end = bench_now_ns();
         fastest[0] = middle - begin < fastest[0] ? middle - begin : fastest[0];
         fastest[1] = end - middle < fastest[1] ? end - middle : fastest[1];
     }
@@ -389,7 +264,13 @@ int main(void)
     printf(
         "Adaptive distributed Kalman filters, edge-dependent gains, two states, one output (%s)\n",
         sizeof(dse_real) == sizeof(double) ? "double" : "float");
-    if (!bench_networks(false) || !bench_networks(true))
+    const struct bench_contender filters = {.make = make_network,
+                                            .step = step_network,
+                                            .make_floor = make_bare,
+                                            .step_floor = step_bare,
+                                            .agree = agree,
+                                            .bytes = bytes};
+    if (!bench_networks(&filters))
         return 1;
     printf("one node\n  states  outputs  neighbours  ns a step  multiplications  to the floor  "
            "   bytes\n");
