@@ -8,7 +8,7 @@ from matplotlib.lines import Line2D
 
 from dse.agreement import same_states
 from dse.metrics import disagreement, node_average_error
-from dse.plots import STYLE, Colours
+from dse.plots import STYLE, Colours, legend
 from dse.run import Network, Run
 
 
@@ -33,5 +33,5 @@ def figure(run: Run, networks: Sequence[Network], style: Colours) -> Figure | No
         handles = [
             Line2D([], [], color=style[network.name], label=network.name) for network, _ in found
         ]
-        made.legend(handles=handles, loc="outside upper left", ncols=min(len(handles), 8))
+        legend(made, handles)
     return made

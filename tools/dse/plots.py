@@ -48,6 +48,9 @@ STYLE: dict[Any, Any] = {
     "savefig.dpi": 150,
 }
 
+ROW = 0.21
+"""Height of a legend's row in inches."""
+
 Colours = dict[str, str]
 """Colour of each network by name."""
 
@@ -165,7 +168,7 @@ def health(run: Run, networks: Sequence[Network]) -> Figure:
         axes.autoscale_view(scaley=False)
         axes.margins(x=0.01)
         patches = [Patch(color=HEALTH_COLOURS[i], label=HEALTH[i]) for i in sorted(seen)]
-        figure.legend(handles=patches, loc="outside upper left", ncols=len(HEALTH))
+        legend(figure, patches)
     return figure
 
 
@@ -304,6 +307,17 @@ def _error(run: Run, node: Node, column: int) -> tuple[Floats, Floats, Floats]:
     return node.estimates.time[mine], error[:, column], deviation
 
 
+def legend(figure: Figure, handles: Sequence[Line2D | Patch]) -> None:
+    """Above the panels, in as many columns as are not cut off; the figure grows with the rows."""
+    for columns in range(min(len(handles), 8), 0, -1):
+        made = figure.legend(handles=handles, loc="outside upper left", ncols=columns)
+        if columns == 1 or made.get_window_extent().width < figure.bbox.width:
+            rows = -(-len(handles) // columns)
+            figure.set_figheight(figure.get_figheight() + ROW * (rows - 1))
+            return
+        made.remove()
+
+
 def _legend(figure: Figure, networks: Sequence[Network], style: Colours, truth: bool) -> None:
     """Above the panels: truth and networks."""
     handles = [Line2D([], [], color=TRUTH, linestyle=(0, (4, 1.6)), label="truth")] if truth else []
@@ -313,5 +327,4 @@ def _legend(figure: Figure, networks: Sequence[Network], style: Colours, truth: 
         told = title and title != network.name and titles.count(title) == 1
         label = f"{network.name}: {title}" if told else network.name
         handles.append(Line2D([], [], color=style[network.name], label=label))
-    if handles:
-        figure.legend(handles=handles, loc="outside upper left", ncols=min(len(handles), 4))
+    legend(figure, handles)

@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import Command
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from synthetic import Plan, write
 
 from dse.agreement import agreement, same_states
@@ -13,7 +15,7 @@ from dse.communication import communication, frame_bytes
 from dse.errors import UserError
 from dse.log import read
 from dse.metrics import disagreement
-from dse.plots import colours
+from dse.plots import colours, legend
 from dse.run import Network, Run
 from dse.tradeoff import Metric, measure
 
@@ -116,3 +118,19 @@ def test_the_report_has_the_tables(plain: Path, tmp_path: Path, dse: Command) ->
     numbers = dse("report", plain, "--json").json["networks"]["ahg"]
     assert numbers["agreement"] is None
     assert numbers["communication"]["messages"] == pytest.approx(2)
+
+
+@pytest.mark.parametrize(("count", "length"), [(2, 5), (8, 14), (9, 40), (7, 60)])
+def test_no_entry_of_a_legend_is_cut_off(count: int, length: int) -> None:
+    made = Figure(figsize=(9.5, 3.4))
+    legend(made, [Line2D([], [], label=f"{i} {'m' * length}") for i in range(count)])
+    (shown,) = made.legends
+    assert len(shown.get_texts()) == count
+    assert shown.get_window_extent().width < made.bbox.width
+    assert shown.get_window_extent().height < made.bbox.height / 2
+
+
+def test_a_legend_that_fits_takes_one_row() -> None:
+    made = Figure(figsize=(9.5, 3.4))
+    legend(made, [Line2D([], [], label=name) for name in ("edge", "node", "none")])
+    assert made.get_figheight() == pytest.approx(3.4)
