@@ -163,7 +163,7 @@ enum dse_status dse_second_order_set(struct dse_second_order *filter, dse_real t
     second_order_copy(n, x, filter->x_next);
     second_order_exchange(filter);
     filter->time = t;
-    filter->step = 0;
+    filter->integration.h0 = 0;
     filter->predicted = false;
     return DSE_OK;
 }

@@ -17,19 +17,19 @@
 /* Halvings after which a step is hopeless. */
 #define LARGEST_PARTS (1 << 20)
 
+/* The settings live in the filter, not on the stack, which is deep enough below this. */
 static enum dse_status adaptive(struct dse_second_order *filter, dse_ode_rhs f, void *context,
                                 dse_real span, int count, dse_real *z, dse_real *scratch)
 {
     const struct dse_second_order_config *given = filter->config;
-    struct dse_rk45_config config = {.rtol = given->rtol > 0 ? given->rtol : DEFAULT_RTOL,
-                                     .atol = given->atol > 0 ? given->atol : DEFAULT_ATOL,
-                                     .h0 = dse_min(filter->step, span),
-                                     .max_steps = given->max_steps > 0 ? given->max_steps
-                                                                       : DEFAULT_MAX_STEPS};
-    struct dse_rk45_result result;
-    const enum dse_status status = dse_rk45_integrate(
-        f, context, &config, filter->time, filter->time + span, count, z, scratch, &result);
-    filter->step = status == DSE_OK ? result.h : 0;
+    struct dse_rk45_config *config = &filter->integration;
+    config->rtol = given->rtol > 0 ? given->rtol : DEFAULT_RTOL;
+    config->atol = given->atol > 0 ? given->atol : DEFAULT_ATOL;
+    config->max_steps = given->max_steps > 0 ? given->max_steps : DEFAULT_MAX_STEPS;
+    const enum dse_status status =
+        dse_rk45_integrate(f, context, config, filter->time, filter->time + span, count, z, scratch,
+                           &filter->integrated);
+    config->h0 = status == DSE_OK ? filter->integrated.h : 0;
     return status;
 }
 

@@ -34,9 +34,11 @@ enum dse_status second_order_integrate(struct dse_second_order *filter, dse_ode_
                                        void *context, bool may_grow, dse_real span, int count,
                                        int guarded, dse_real *z, dse_real *scratch);
 
-/* Moves a set of points: DSE_SECOND_ORDER_UNSCENTED. Fills x_next, Z_next. */
-enum dse_status second_order_predict_unscented(struct dse_second_order *filter, dse_real span,
-                                               const dse_real *u, bool may_grow);
+/* DSE_SECOND_ORDER_UNSCENTED: 2 nx points (x nx) around the estimate, and x_next, Z_next from where
+ * they are a span later. scratch: 5 nx squares and nx. */
+void second_order_place_points(struct dse_second_order *filter, dse_real *points);
+enum dse_status second_order_collect_points(struct dse_second_order *filter, dse_real span,
+                                            const dse_real *points, dse_real *scratch);
 
 /* Takes a measurement: y, has, innovation and the counts, after the gate on the present S. */
 void second_order_take(struct dse_second_order *filter, const struct dse_measurement *measurement);

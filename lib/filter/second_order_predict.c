@@ -118,6 +118,23 @@ static enum dse_status predict_moments(struct dse_second_order *filter, dse_real
     return DSE_OK;
 }
 
+static enum dse_status predict_points(struct dse_second_order *filter, dse_real span,
+                                      const dse_real *u, bool may_grow)
+{
+    const int n = filter->nx;
+    dse_real *scratch = filter->scratch;
+    dse_real *points = second_order_piece(&scratch, 2 * n * n);
+    struct dse_held_model plant = {filter->config->model, u};
+    second_order_place_points(filter, points);
+    for (int p = 0; p < 2 * n; p++) {
+        const enum dse_status status = second_order_integrate(
+            filter, dse_held_model_rhs, &plant, may_grow, span, n, n, points + p * n, scratch);
+        if (status != DSE_OK)
+            return status;
+    }
+    return second_order_collect_points(filter, span, points, scratch);
+}
+
 static bool all_zero(int count, const dse_real *u)
 {
     for (int i = 0; i < count; i++)
@@ -138,7 +155,7 @@ static enum dse_status predict(struct dse_second_order *filter, dse_real t, cons
         return DSE_OK;
     const bool may_grow = !filter->bounded || !all_zero(nu, u);
     const enum dse_status status = filter->config->kind == DSE_SECOND_ORDER_UNSCENTED
-                                       ? second_order_predict_unscented(filter, span, u, may_grow)
+                                       ? predict_points(filter, span, u, may_grow)
                                        : predict_moments(filter, span, u, may_grow);
     if (status != DSE_OK)
         return status;

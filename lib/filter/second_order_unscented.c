@@ -40,7 +40,7 @@ static void principal_axes(int n, dse_real *Z)
 }
 
 /* w +- sqrt(n) z_r for the axes z_r of S, each of weight 1 / (2 n): their covariance is S. */
-static void place_points(struct dse_second_order *filter, dse_real *points)
+void second_order_place_points(struct dse_second_order *filter, dse_real *points)
 {
     const int n = filter->nx;
     const dse_real spread = dse_sqrt((dse_real)n);
@@ -65,10 +65,11 @@ static void mean_of(int n, const dse_real *points, dse_real *mean)
 }
 
 /* Z'Z = sum_p (p - w)(p - w)' / (2 n) + span Q, from [the deviations, sqrt(span) Q^(1/2)]. */
-static enum dse_status spread_of(struct dse_second_order *filter, dse_real span,
-                                 const dse_real *points, dse_real *scratch)
+enum dse_status second_order_collect_points(struct dse_second_order *filter, dse_real span,
+                                            const dse_real *points, dse_real *scratch)
 {
     const int n = filter->nx;
+    mean_of(n, points, filter->x_next);
     const dse_real *Q = filter->config->Q;
     const int columns = Q != NULL ? 3 * n : 2 * n;
     const dse_real weight = 1 / dse_sqrt((dse_real)(2 * n));
@@ -88,22 +89,4 @@ static enum dse_status spread_of(struct dse_second_order *filter, dse_real span,
     }
     second_order_array(n, columns, A, filter->Z_next);
     return DSE_OK;
-}
-
-enum dse_status second_order_predict_unscented(struct dse_second_order *filter, dse_real span,
-                                               const dse_real *u, bool may_grow)
-{
-    const int n = filter->nx;
-    dse_real *scratch = filter->scratch;
-    dse_real *points = second_order_piece(&scratch, 2 * n * n);
-    struct dse_held_model plant = {filter->config->model, u};
-    place_points(filter, points);
-    for (int p = 0; p < 2 * n; p++) {
-        const enum dse_status status = second_order_integrate(
-            filter, dse_held_model_rhs, &plant, may_grow, span, n, n, points + p * n, scratch);
-        if (status != DSE_OK)
-            return status;
-    }
-    mean_of(n, points, filter->x_next);
-    return spread_of(filter, span, points, scratch);
 }

@@ -102,8 +102,9 @@ struct dse_second_order {
     dse_real *scratch;
     dse_real form; /* |F|: |q(x)| <= |F| |x|^2 */
     bool R_diagonal;
-    bool bounded;   /* the certificate holds, and there is neither d nor Q */
-    dse_real step;  /* of Dormand-Prince, for the next predict */
+    bool bounded;                       /* the certificate holds, and there is neither d nor Q */
+    struct dse_rk45_config integration; /* adaptive; h0: the step that the last one ended with */
+    struct dse_rk45_result integrated;
     bool predicted; /* the last successful step was a predict */
     int used;       /* channels of the last update */
     bool rejected;  /* a channel of the last update was */
