@@ -98,12 +98,25 @@ def test_the_model_follows_the_flow_as_well_as_published(
     np.testing.assert_allclose(found, wanted, rtol=0.02)
 
 
+@pytest.mark.parametrize(
+    ("case", "wanted"), [("free", (0.33, 0.29, 0.19)), ("forced", (0.20, 0.30, 0.14))]
+)
 def test_without_the_minus_of_the_convection_the_model_does_not_follow_the_flow(
-    made: dict[str, Reduced],
+    made: dict[str, Reduced], case: str, wanted: tuple[float, ...]
 ) -> None:
-    model = made["free"]
+    model = made[case]
     turned = Reduced(model.flow, model.bases, model.A, -model.F, model.d, model.C, model.starts)
-    np.testing.assert_allclose(pod_checks.fit(turned)[0], [0.33, 0.29, 0.19], rtol=0.02)
+    np.testing.assert_allclose(pod_checks.fit(turned)[0], wanted, rtol=0.03)
+
+
+def test_the_eigenvalues_converge_with_the_grid(made: dict[str, Reduced], native: Path) -> None:
+    coarse = Flow(n=16, library=native)
+    found = [
+        pod_model.pod(rows, 1 / 16**2, 1).eigenvalues[0] for rows in pod_model.snapshots(coarse)
+    ]
+    np.testing.assert_allclose(found, [0.0520, 0.01842, 0.1194], rtol=1e-3)
+    fine = [basis.eigenvalues[0] for basis in made["free"].bases]
+    np.testing.assert_allclose(fine, [0.0528, 0.01846, 0.1205], rtol=1e-3)
 
 
 def test_more_modes_follow_the_flow_better(native: Path) -> None:
