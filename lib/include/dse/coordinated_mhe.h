@@ -126,9 +126,9 @@ struct dse_mhe_local_config {
 
 /* ---- what the objects consist of ---- */
 
-/* Reals for `count` pointers, aligned. */
+/* Reals for `count` pointers, which may be smaller or larger than a real, and one to align them. */
 #define DSE_MHE_POINTERS(count)                                                                    \
-    ((int)(((count) + 1) * (int)(sizeof(void *) / sizeof(dse_real)) + 1))
+    ((int)(((count) * (int)sizeof(void *) + (int)sizeof(dse_real) - 1) / (int)sizeof(dse_real)) + 1)
 
 /* A block-tridiagonal matrix and its Cholesky factor; lib/mhe/chain_internal.h. */
 struct dse_mhe_chain {
