@@ -11,10 +11,13 @@ alone, such as theta_m, stands for that key in all its networks (or those of --n
   4. choose m above the J that noise alone makes, J_noise ~ d sigma_v^2 + q d^2/2, and below the J
      of a wrong estimate; then beta, DeltaT, lambda. --vary m=0.1,1,4
 
-When theta then oscillates or the error falls slowly, go back to 3. All errors are in units of the
-states' scales; "noise" is the standard deviation of the late error about its moving mean over 1/30
-of the run; "reached" is when the error norm, as its root mean square over 1/50 of the run, is first
-below a tenth of its first value. Of several seeds the mean is shown, and the longest such time.
+When theta then oscillates or the error falls slowly, go back to 3. After a large change of the
+operating point identify the plant again (dse design identify) and begin anew.
+
+All errors are in units of the states' scales; "noise" is the standard deviation of the late error
+about its moving mean over 1/30 of the run; "reached" is when the error norm, as its root mean
+square over 1/50 of the run, is first below a tenth of its first value. Of several seeds the mean is
+shown, and the longest such time.
 
 "theta under noise" is where theta comes to rest when J = J_noise, with the m and beta of the row;
 "beta from" is the smallest beta with which that is below 1.01.
