@@ -10,6 +10,7 @@ from conftest import Command
 from synthetic import Plan, Writer, parts, plant_info, put_info, put_node
 
 from dse import lcmtypes
+from dse.design.linear_windows import window
 from dse.design.observability import seen
 from dse.design.output_error import Data, Problem, fit, identify
 from dse.errors import UserError
@@ -297,3 +298,45 @@ def test_observability_refuses_with_a_reason(
     done = dse("design", "observability", *arguments)
     assert done.code == 2
     assert words in done.err
+
+
+def test_observability_of_a_swinging_plant_is_that_of_each_sensor_group(dse: Command) -> None:
+    """Floquet multipliers 0.6242 = exp(-0.075 2 pi): the plant without noise is stable."""
+    done = dse("design", "observability", "aho-e2")
+    assert done.code == 0
+    told = done.out
+    assert "0, 2, 4" in told
+    assert "1, 3, 5" in told
+    assert told.count("2 of 2") == 2
+    assert "factors 0.6242, 0.6242" in told
+
+
+def test_a_sensor_group_that_does_not_see_a_state_is_named(dse: Command, tmp_path: Path) -> None:
+    scenario = tmp_path / "blind.yaml"
+    plant = (
+        "plant: {name: linear, linear: {nx: 2, A: [-1, 0, 1, -2], C: [0, 1, 1, 0], groups: [1, 1]}}"
+    )
+    scenario.write_text(plant + "\nnoise: {process: {scale: [0, 1]}}\n")
+    done = dse("design", "observability", scenario)
+    assert done.code == 1
+    assert "not observable by sensor groups 1: x2" in done.out
+    assert "process noise does not reach x1" in done.out
+
+
+def test_gramian_of_an_integrator_chain_is_its_closed_form() -> None:
+    """C = [1 0], A = [0 1; 0 0] over T = 1: [[1, 1/2], [1/2, 1/3]]; discrete: a sum."""
+    found = window({"nx": 2, "A": [0, 1, 0, 0], "C": [1, 0]})
+    assert found.length == 1
+    M = found.gramian(np.array([[1.0, 0.0]]))  # noqa: N806
+    assert pytest.approx(np.array([[1, 1 / 2], [1 / 2, 1 / 3]]), rel=1e-5) == M
+    sampled = window({"nx": 1, "A": [0.5], "C": [1], "time": "discrete"})
+    assert sampled.gramian(np.array([[1.0]]))[0, 0] == pytest.approx(1 + 1 / 4 + 1 / 16 + 1 / 64)
+
+
+def test_noise_of_a_decaying_state_has_its_closed_form() -> None:
+    """X' = -x + w: W = (1 - exp(-2 T)) / 2; discrete x(k+1) = x / 2 + w: a geometric sum."""
+    found = window({"nx": 1, "A": [-1], "C": [1]})
+    assert found.length == 5
+    assert found.excited(np.ones(1))[0, 0] == pytest.approx((1 - np.exp(-10)) / 2, rel=1e-4)
+    sampled = window({"nx": 1, "A": [0.5], "C": [1], "time": "discrete"})
+    assert sampled.excited(np.ones(1))[0, 0] == pytest.approx(1 + 1 / 4 + 1 / 16 + 1 / 64)

@@ -5,21 +5,25 @@
 States count in units of their scales, and every row is brought to length one, so that the singular
 values compare: the smallest says how well the state that is seen least is seen. The points are the
 plant's initial state and the guess of each network, and those given with --at. Inputs are those of
-the scenario at the start, parameters those of its plant or of a --network. Exit code 1 when a point
-is not observable.
+the scenario at the start, parameters those of its plant or of a --network.Of the plant
+called linear, also a time-varying one, every sensor group is judged alone, as distributed filters
+need it, by the Gramian over a period of A(t) or a few time constants, and whether process noise
+reaches all states. Exit code 1 when a point, or a group, is not observable.
 """
 
 import argparse
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dse.design.scenario_file import ScenarioPlant, load
+from dse.design.linear_windows import judge, window
+from dse.design.scenario_file import ScenarioPlant, document, load
 from dse.errors import UserError, unknown
 from dse.plants import ModelError
 from dse.run import Floats
-from dse.tables import console, table
+from dse.tables import console, number, table
 
 NAME = "observability"
 HELP = "does a scenario's plant show all its states"
@@ -88,7 +92,10 @@ def seen(A: Floats, C: Floats, scale: Floats, names: list[str]) -> Seen:  # noqa
 
 
 def run(options: argparse.Namespace) -> int:
-    """A line per point."""
+    """A line per point; of a linear plant, a line per kind of sensor group."""
+    text = document(options.scenario)
+    if text["plant"]["name"] == "linear":
+        return _linear(options, text)
     scenario = load(options.scenario, options.library)
     plant = scenario.plant
     values = scenario.values
@@ -121,6 +128,43 @@ def run(options: argparse.Namespace) -> int:
                 f"not observable at {name}: the outputs do not show {' and '.join(found.weakest)}"
             )
     out.print(made)
+    for line in blind:
+        out.print(line)
+    return 1 if blind else 0
+
+
+def _linear(options: argparse.Namespace, text: dict[str, Any]) -> int:
+    """Every sensor group alone, over a window; whether process noise reaches all states."""
+    if options.at or options.outputs or options.network:
+        raise UserError("--at, --outputs, --network: a linear plant is the same at every point")
+    noise = (text.get("noise") or {}).get("process")
+    try:
+        found = window(text["plant"]["linear"])
+        scale = None if noise is None else np.array(noise["scale"], dtype=float)
+        excited = None if scale is None else judge(found.excited(scale**2), found.names)
+    except (KeyError, TypeError, ValueError, np.linalg.LinAlgError) as error:
+        raise UserError(
+            f"{options.scenario}: plant.linear: {error}; see dse-run --dry-run"
+        ) from None
+    n, unit = len(found.names), "samples" if found.discrete else "s"
+    title = f"Each sensor group alone, over {number(found.length)} {unit}"
+    made = table(title, "sensor groups", "rank", "smallest to largest", "seen least", left=1)
+    blind = []
+    kinds: dict[bytes, list[int]] = {}
+    for i, rows in enumerate(found.groups):
+        kinds.setdefault(rows.tobytes(), []).append(i)
+    for members in kinds.values():
+        rank, share, weakest = judge(found.gramian(found.groups[members[0]]), found.names)
+        who = ", ".join(map(str, members))
+        made.add_row(who, f"{rank} of {n}", number(share), weakest)
+        if rank < n:
+            blind.append(f"not observable by sensor groups {who}: {weakest}")
+    if excited is not None and excited[0] < n:
+        blind.append(f"process noise does not reach {excited[2]}: gains there go to zero")
+    out = console()
+    out.print(made)
+    grow = ", ".join(number(value) for value in found.multipliers)
+    out.print(f"over that window the plant's free motions change by the factors {grow}")
     for line in blind:
         out.print(line)
     return 1 if blind else 0

@@ -55,8 +55,8 @@ def find(name: str) -> Path:
     return matches[0]
 
 
-def load(name: str, library: str | Path | None = None) -> ScenarioPlant:
-    """Read the scenario called so."""
+def document(name: str) -> dict[str, Any]:
+    """The scenario called so as it is written; it has a plant with a name."""
     path = find(name)
     try:
         text: Any = yaml.safe_load(path.read_text())
@@ -65,6 +65,13 @@ def load(name: str, library: str | Path | None = None) -> ScenarioPlant:
     about = text.get("plant") if isinstance(text, dict) else None
     if not isinstance(about, dict) or "name" not in about:
         raise UserError(f"{path}: not a scenario: it names no plant")
+    return dict(text)
+
+
+def load(name: str, library: str | Path | None = None) -> ScenarioPlant:
+    """Read the scenario called so."""
+    path, text = find(name), document(name)
+    about = text["plant"]
     try:
         return _plant(path, about, list(text.get("networks") or []), library)
     except (TypeError, ValueError, KeyError, AttributeError) as error:
