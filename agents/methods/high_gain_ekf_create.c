@@ -281,11 +281,19 @@ static bool open_filter(struct high_gain_ekf_node *node, const struct method_set
                      dse_status_text(status));
 }
 
+/* With the place where the section stands: a scenario may have several. */
+static bool section_fits(const struct method_setup *setup, struct error *error)
+{
+    struct error why = {""};
+    return high_gain_ekf_section_check(setup->section, setup->period, &why) ||
+           error_set(error, "%s: networks.%s.%s", setup->scenario->file, setup->network->name,
+                     why.text);
+}
+
 void *high_gain_ekf_create(const struct method_setup *setup, struct method_info *info,
                            struct error *error)
 {
-    if (!plant_fits(setup, error) ||
-        !high_gain_ekf_section_check(setup->section, setup->period, error))
+    if (!plant_fits(setup, error) || !section_fits(setup, error))
         return NULL;
     struct high_gain_ekf_node *node = calloc(1, sizeof *node);
     if (node == NULL) {

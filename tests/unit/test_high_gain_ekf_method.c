@@ -148,6 +148,8 @@ static void keys_that_do_not_go_together_are_refused(void **state)
         {"communication: {kind: triggered, trigger: {L: -1}}", "trigger.L: -1 is out of range"},
         {"communication: {kind: triggered, trigger: {L: 1, H: [1, 2]}}", "it must have 4"},
         {"framework: centralised, link: {D: 1}", "tick only"},
+        {"framework: centralised, gains: [one, one]",
+         "x.yaml: networks.one.high_gain_ekf.framework: a centralised filter talks to nobody"},
         {"predictor_parameters: [{name: Fx, value: 1}]", "has no parameter 'Fx'"},
         {"predictor_parameters: [{name: V1, value: -1}]", "make no plant"},
     };
