@@ -370,7 +370,7 @@ def test_the_table_of_example_4(of_seeds: Callable[..., Errors]) -> None:
          {"none": 2.29, "B": 0.432, "B_025": 0.213, "C": 0.0212, "B_information": 0.0201,
           "C_information": 0.0749}),
         ("cno-e4_loss", (), None, {"none": 0.0204, "B": 0.0143, "B_025": 0.0314, "C": 0.0210,
-                                   "B_information": 0.0165, "C_information": 0.0181}),
+                                   "B_information": 0.0165}),
     ],
 )  # fmt: skip
 def test_the_tables_of_failures_and_of_the_ring(
@@ -384,6 +384,18 @@ def test_the_tables_of_failures_and_of_the_ring(
     errors = of_seeds(scenario, range(1, 101), *changes)
     found = {name: rms(errors[name], LATE, node) for name in published}
     assert found == pytest.approx(published, rel=0.3)
+
+
+@pytest.mark.long
+def test_with_losses_one_round_of_information_sometimes_starts_badly(
+    of_seeds: Callable[..., Errors],
+) -> None:
+    """C-I-inf: .0181 with most seeds; with some .13 is left, and a small S around it."""
+    errors = of_seeds("cno-e4_loss", range(1, 101))
+    each = {name: [rms(one[None], LATE) for one in error] for name, error in errors.items()}
+    assert np.median(each["C_information"]) == pytest.approx(0.0181, rel=0.3)
+    assert 0.01 < np.mean(np.array(each["C_information"]) > 0.1) < 0.1
+    assert max(each["B_information"]) < 0.07
 
 
 @pytest.mark.long
