@@ -79,11 +79,47 @@ static void acceleration_keeps_the_rounds_together(void **state)
     finish();
 }
 
+/* An agent that has no finite solution says that it has none; without bounds that can be nothing
+ * else. */
+static void an_answer_that_is_not_finite_ends_the_sample(void **state)
+{
+    (void)state;
+    start(0);
+    assert_int_equal(sample(0), DSE_MHE_OUTCOME_STARTING);
+    struct dse_mhe_coordinator *c = &net.coordinator;
+    assert_int_equal(dse_mhe_coordinator_begin(c, 1), DSE_OK);
+    for (int i = 0; i < PLANT_PARTS; i++) {
+        struct dse_mhe_local *local = &net.local[i];
+        const struct dse_measurement measurement = {&plant.y[1][i], NULL};
+        assert_int_equal(dse_mhe_local_begin(local, 1, &measurement), DSE_OK);
+        int count = dse_mhe_coordinator_message_down(c, i, net.down[i]);
+        for (int e = DSE_MHE_HEADER; e < count && i == 1; e++)
+            net.down[i][e] = DSE_REAL_MAX; /* finite, but no sum with it is */
+        assert_int_equal(dse_mhe_local_receive_down(local, net.down[i], count), DSE_OK);
+        dse_mhe_local_solve(local);
+        count = dse_mhe_local_message_up(local, net.up);
+        assert_int_equal(dse_mhe_coordinator_receive_up(c, i, net.up, count), DSE_OK);
+    }
+    assert_int_equal(dse_mhe_coordinator_advance(c), DSE_MHE_OUTCOME_DIVERGED);
+    for (int i = 0; i < PLANT_PARTS; i++) {
+        const int count = dse_mhe_coordinator_message_down(c, i, net.down[i]);
+        assert_int_equal(dse_mhe_local_receive_down(&net.local[i], net.down[i], count), DSE_OK);
+        dse_mhe_local_finish(&net.local[i]);
+        coordination_alone_sample(&alone[i], 1, &plant.y[1][i], NULL);
+        assert_int_equal(dse_mhe_local_health(&net.local[i]), DSE_HEALTH_ALONE);
+        for (int a = 0; a < PLANT_NX; a++)
+            assert_true(dse_mhe_local_state(&net.local[i])[a] ==
+                        dse_mhe_local_state(&alone[i].local)[a]);
+    }
+    finish();
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(rounds_that_move_apart_leave_decentralised_estimates),
         cmocka_unit_test(acceleration_keeps_the_rounds_together),
+        cmocka_unit_test(an_answer_that_is_not_finite_ends_the_sample),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,7 +1,7 @@
 /* Coordinated distributed moving horizon estimation of a linear plant of several subsystems,
  *
- *     x_i(k+1) = A_ii x_i(k) + sum_{l /= i} A_il x_l(k) + w_i(k),     y_i(k) = C_ii x_i(k) +
- * v_i(k),
+ *     x_i(k+1) = A_ii x_i(k) + sum_{l /= i} A_il x_l(k) + w_i(k)
+ *     y_i(k)   = C_ii x_i(k) + v_i(k)
  *
  * in deviations from a steady state, without known inputs. An agent for each subsystem solves a
  * problem of its own over the window of the last H samples; a coordinator makes their solutions fit
@@ -11,14 +11,16 @@
  *
  * Both sides speak in flat arrays of reals, so that any transport will do:
  *
- *     agent i                                         coordinator
- *     dse_mhe_local_begin(&local, k, &measurement)    dse_mhe_coordinator_begin(&c, k)
- *     while (!dse_mhe_local_is_finished(&local))      while (true)
- *                                                         dse_mhe_coordinator_message_down(&c, i,
- * down) dse_mhe_local_receive_down(&local, ..)          for each i or _missing_down(&local) if
- * (outcome != DSE_MHE_CONTINUE) break dse_mhe_local_solve(&local) dse_mhe_local_message_up(&local,
- * up)            dse_mhe_coordinator_receive_up(&c, i, ..) dse_mhe_local_finish(&local) or
- * _missing_up(&c, i) outcome = dse_mhe_coordinator_advance(&c)
+ *     the coordinator, in sample k                agent i
+ *
+ *     dse_mhe_coordinator_begin(&c, k)              dse_mhe_local_begin(&local, k, &measurement)
+ *     for each i, and once more after the end:      while (!dse_mhe_local_is_finished(&local)):
+ *       dse_mhe_coordinator_message_down(&c, i, ..)   dse_mhe_local_receive_down(&local, ..)
+ *                                                       or dse_mhe_local_missing_down(&local)
+ *       dse_mhe_coordinator_receive_up(&c, i, ..)     dse_mhe_local_solve(&local)
+ *         or dse_mhe_coordinator_missing_up(&c, i)    dse_mhe_local_message_up(&local, ..)
+ *     until dse_mhe_coordinator_advance(&c)         dse_mhe_local_finish(&local)
+ *       is not DSE_MHE_CONTINUE
  *
  * The last message of a sample says stop: no answer is due, the agent finishes. While the window is
  * shorter than min_horizon both sides predict open loop, no message is exchanged: is_finished is
@@ -28,7 +30,10 @@
  * finish only. The centralised estimator is an agent alone with the whole plant as its subsystem.
  *
  * Stacked vectors: subsystem after subsystem, in each time from the oldest sample on, in each of
- * these the local states. X_i has H nx values, W_i, h_i, p_i have (H-1) nx. */
+ * these the local states. X_i has H nx values, W_i, h_i, p_i have (H-1) nx.
+ *
+ * Bounds are on states and disturbances; those on interactions, (3.50) and (3.51), are not there.
+ */
 #ifndef DSE_COORDINATED_MHE_H
 #define DSE_COORDINATED_MHE_H
 
