@@ -110,7 +110,7 @@ def assert_near(got: np.ndarray, want: np.ndarray, tolerance: float = 1e-9) -> N
     assert (np.abs(got - want) <= tolerance * (np.abs(want) + floor)).all(), f"{got} for {want}"
 
 
-HAND = [("cstr2", 0), ("cstr2", 1), ("three_tank", 0)]
+HAND = [("cstr2", 0), ("cstr2", 1), ("cstr4", 0), ("three_tank", 0)]
 
 
 @needs_compiler
@@ -120,12 +120,14 @@ def test_generated_plant_equals_the_hand_derived_one(make: Make, name: str, set_
     nx, nu, ny, blocks, *_ = plant.sizes()
     assert plant.sizes(name)[:4] == [nx, nu, ny, blocks]
     generator = np.random.default_rng(1)
-    start = {"cstr2": [350, 3, 330, 2.5], "three_tank": [51, 35, 16, 57, 41]}[name]
-    nominal = {"cstr2": [5, 0], "three_tank": [7.3, 8.8]}[name]
-    spread = {"cstr2": [30, 2, 20, 2], "three_tank": [10, 10, 8, 10, 10]}[name]
+    start, spread, nominal, input_spread = {
+        "cstr2": ([350, 3, 330, 2.5], [30, 2, 20, 2], [5, 0], [1, 100]),
+        "cstr4": ([340, 2, 350, 3, 345, 2.5, 360, 4], [20, 1.5] * 4, [], []),
+        "three_tank": ([51, 35, 16, 57, 41], [10, 10, 8, 10, 10], [7.3, 8.8], [1, 1]),
+    }[name]
     for _ in range(50):
         x = np.array(start) + np.array(spread) * generator.uniform(-1, 1, nx)
-        u = np.array(nominal) + generator.uniform(-1, 1, nu) * (1, 100 if name == "cstr2" else 1)
+        u = np.array(nominal) + generator.uniform(-1, 1, nu) * np.array(input_spread)
         z = plant.value("encode", x, u, set_=set_)
         for what, i, at in [
             *((what, 0, x) for what in ("f", "h", "dfdx", "dhdx", "encode")),
