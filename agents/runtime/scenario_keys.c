@@ -64,7 +64,7 @@ static void write_key(FILE *out, const char *path, const cyaml_schema_field_t *f
     static const struct scenario_rule none = {.key = "", SCENARIO_ANY, .meaning = ""};
     const struct scenario_rule *rule = scenario_rule_find(path);
     bool optional = (field->value.flags & CYAML_FLAG_OPTIONAL) != 0;
-    char allowed[96];
+    char allowed[160];
     if (rule == NULL)
         rule = &none;
     allowed_text(&field->value, rule, allowed, sizeof allowed);

@@ -378,7 +378,7 @@ static void the_table_of_keys_names_type_default_limits_and_meaning(void **state
         "networks[].high_gain_ekf.communication: ",
         "  theta_m        number          required          > 1 ",
         "  every          whole number    1                 >= 1 and <= 1000000 ",
-        "  kind           word            cvode             cvode|rk4 ",
+        "  kind           word            cvode             cvode|rk4|flow ",
         "one per state",
     };
     for (size_t i = 0; i < sizeof expected / sizeof expected[0]; i++)
