@@ -5,9 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-const cyaml_schema_value_t sensor_node_number = {CYAML_VALUE_FLOAT(CYAML_FLAG_DEFAULT, double)};
-const cyaml_schema_value_t sensor_node_whole = {CYAML_VALUE_UINT(CYAML_FLAG_DEFAULT, unsigned)};
-
 /* ---- who reads what ---- */
 
 static struct sensor_network sensors_of(const struct sensor_node_keys *keys)
