@@ -435,6 +435,28 @@ def test_the_region_of_convergence_is_not_larger_than_that_of_the_extended_filte
 
 
 @pytest.mark.long
+def test_from_other_initial_states_b_is_better_than_c(recorded: Recorded, tmp_path: Path) -> None:
+    """T5 holds for the source's state only: .0139-.0163 (B), .0222-.0294 (C), .0143 (B-I-inf)."""
+    generator = np.random.default_rng(6)
+    names = ("B_information", "B", "B_025", "C", "none")
+    file = only("cno-e4_pair", names, 121, tmp_path)
+    errors: dict[str, list[Floats]] = {name: [] for name in names}
+    for seed in range(1, 41):
+        x0 = generator.uniform(-1.5, 2, 3)
+        guesses = np.concatenate([x0, x0]) + generator.normal(0, 1.5, 6)
+        changes = [f"plant.x0={x0.tolist()}"]
+        changes += [f"networks.{n}.second_order.guesses={guesses.tolist()}" for n in names]
+        for name, error in errors_of(recorded(str(file), seed, *changes)).items():
+            errors[name].append(error)
+    at_last = late({name: np.stack(each) for name, each in errors.items()})
+    assert at_last["B"] < 0.85 * at_last["C"]
+    assert at_last["B_025"] < 0.95 * at_last["C"]
+    assert at_last["B_information"] < 1.05 * at_last["B"] < at_last["none"]
+    assert 0.0139 < at_last["B"] < 1.3 * 0.0163
+    assert 0.0222 / 1.3 < at_last["C"] < 1.3 * 0.0294
+
+
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("scenario", "published"),
     [
