@@ -12,12 +12,8 @@ extern const struct method high_gain_ekf_method;
 extern const struct method second_order_method;
 
 static const struct method *const methods[] = {
-    &high_gain_ekf_method,
-    &coordinated_mhe_method,
-    &distributed_kalman_method,
-    &distributed_observer_method,
-    &consensus_kalman_method,
-    &second_order_method,
+    &high_gain_ekf_method,        &coordinated_mhe_method,  &distributed_kalman_method,
+    &distributed_observer_method, &consensus_kalman_method, &second_order_method,
 };
 
 const struct method *method_at(int i)

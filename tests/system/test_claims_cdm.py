@@ -1,8 +1,8 @@
 """What the scenarios of coordinated moving horizon estimation claim, checked on the logs of runs.
 
 One row per claim: scenario, changes, what is claimed and the condition. Every row is checked with
-two seeds, with the second one under the label long. The numbers in the texts are those of an independent implementation with other noise of
-the same kind.
+two seeds, the second one under the label long. The numbers in the texts are those of an
+independent implementation with other noise of the same kind.
 """
 
 from collections.abc import Callable
