@@ -5,7 +5,9 @@
 Computed: gcc writes what each function takes and whom it calls (-fcallgraph-info=su, *.ci files);
 the worst case of a function is its own frame and the deepest of its callees. A call through a
 pointer counts as a call of every function of that kind: which kind is read from the source at the
-place of the call (`model->f(..)`), which functions are of that kind from their parameters.
+place of the call (`model->f(..)`), which functions are of that kind from their parameters. The
+right-hand side of a differential equation is handed down to the stepper that calls it: beneath the
+functions of a file count the right-hand sides that this file names, and no others.
 Runtime functions of the compiler and the C library are bounded from the image's disassembly.
 Not counted: interrupts (an exception frame with floating point is 104 bytes, and its handler) and
 what callbacks of one's own take beyond the shipped ones.
@@ -57,7 +59,9 @@ KINDS = {
     "dse_plant's form": ({"normal_form"}, "const dse_real *, struct dse_normal_form *"),
 }
 # A parameter that is called, not a member: the right-hand side of a differential equation.
+# It must not be kept from one call of the library to the next.
 RIGHT_HAND_SIDE = "dse_ode_rhs"
+KEPT = re.compile(rf"\b{RIGHT_HAND_SIDE} \w+;")
 KINDS[RIGHT_HAND_SIDE] = (set(), "void *, dse_real, const dse_real *, dse_real *")
 INDIRECT = "__indirect_call"
 # A part of a plant calls the functions of the whole, of which it is not a part itself: those of
@@ -74,6 +78,8 @@ class Graph:
         self.frames: dict[str, int] = {}
         self.calls: dict[str, set[str]] = {}
         self.kinds: dict[str, str] = {}
+        self.files: dict[str, str] = {}
+        self.steppers: set[str] = set()
         self.errors: list[str] = []
 
     def read(self, folder: Path) -> None:
@@ -97,6 +103,9 @@ class Graph:
         self.frames[title] = int(usage[1])
         self.calls.setdefault(title, set())
         self.kinds[title] = defined_kind(label[1])
+        self.files[title] = label[1].rsplit(":", 2)[0]
+        if takes_right_hand_side(label[1]):
+            self.steppers.add(title)
 
     def edge(self, caller: str, callee: str, place: str) -> None:
         """A call; a call through a pointer becomes a call of its kind."""
@@ -108,22 +117,50 @@ class Graph:
             callee = "any " + kind + (OF_A_WHOLE if is_wrapper(caller) else "")
         self.calls.setdefault(caller, set()).add(callee)
 
-    def callees(self, function: str) -> set[str]:
-        """Whom a function may call."""
+    def callees(self, function: str, handed: frozenset[str]) -> set[str]:
+        """Whom a function may call when it is handed these right-hand sides."""
+        if function == "any " + RIGHT_HAND_SIDE:
+            return set(handed)
         if function.startswith("any "):
             kind = function.removeprefix("any ").removesuffix(OF_A_WHOLE)
             found = {title for title, k in self.kinds.items() if k == kind}
             return {f for f in found if not (function.endswith(OF_A_WHOLE) and is_wrapper(f))}
         return self.calls.get(function, set())
 
-    def worst_cases(self, runtime: dict[str, int]) -> dict[str, int]:
-        """Depth of every function; recursion is an error."""
-        depth: dict[str, int] = {}
-        path: list[str] = []
+    def right_hand_sides(self) -> frozenset[str]:
+        """All functions that are the right-hand side of a differential equation."""
+        return frozenset(f for f, kind in self.kinds.items() if kind == RIGHT_HAND_SIDE)
 
-        def visit(function: str) -> int:
-            if function in depth:
-                return depth[function]
+    def named(self) -> dict[str, frozenset[str]]:
+        """The right-hand sides that each file names: its own, and those of all that it passes on.
+
+        By files, not by functions, for the compiler moves calls from function to function.
+        """
+        sides = self.right_hand_sides()
+        found = {}
+        for file in set(self.files.values()):
+            words = set(re.findall(r"\w+", " ".join(source(file))))
+            found[file] = frozenset(
+                f
+                for f in sides
+                if self.files[f] == file or (":" not in f and f.partition(".")[0] in words)
+            )
+        return found
+
+    def worst_cases(self, runtime: dict[str, int]) -> dict[str, int]:
+        """Depth of every function; recursion is an error.
+
+        Of a stepper: with the deepest of the right-hand sides that the library hands to it.
+        """
+        depth: dict[tuple[str, frozenset[str]], int] = {}
+        path: list[str] = []
+        named = self.named()
+
+        def visit(function: str, handed: frozenset[str]) -> int:
+            if function not in self.steppers:
+                handed = named.get(self.files.get(function, ""), frozenset()) or handed
+            if (function, handed) in depth:
+                return depth[function, handed]
             if function in path:
                 circle = path[path.index(function) :] + [function]
                 self.errors.append("recursion: " + " -> ".join(circle))
@@ -133,17 +170,24 @@ class Graph:
                 self.errors.append(f"{function}: nothing is known about its stack")
                 return 0
             path.append(function)
-            callees = self.callees(function)
+            callees = self.callees(function, handed)
             if function.startswith("any ") and not callees:
                 self.errors.append(f"{function}: nobody defines such a function")
-            deepest = max((visit(callee) for callee in callees), default=0)
+            deepest = max((visit(callee, handed) for callee in callees), default=0)
             path.pop()
-            depth[function] = self.frames.get(function, runtime.get(function, 0)) + deepest
-            return depth[function]
+            depth[function, handed] = self.frames.get(function, runtime.get(function, 0)) + deepest
+            return depth[function, handed]
 
-        for function in sorted(self.frames):
-            visit(function)
-        return depth
+        # From above, so that what is handed down is known; then what only users call.
+        called = set().union(*self.calls.values())
+        for function in sorted(set(self.frames) - called):
+            visit(function, self.right_hand_sides())
+        for function in sorted(set(self.frames) - {f for f, _ in depth}):
+            visit(function, self.right_hand_sides())
+        worst: dict[str, int] = {}
+        for (function, _), size in depth.items():
+            worst[function] = max(size, worst.get(function, 0))
+        return worst
 
 
 def is_wrapper(title: str) -> bool:
@@ -171,6 +215,12 @@ def defined_kind(place: str) -> str:
     types = [re.sub(r"\s*\b\w+$", "", p.strip()).replace(" *", "*") for p in match[1].split(",")]
     signature = ", ".join(types).replace("*", " *")
     return next((kind for kind, (_, s) in KINDS.items() if s == signature), "")
+
+
+def takes_right_hand_side(place: str) -> bool:
+    """Whether the function defined at a place is handed a right-hand side."""
+    match = re.match(r"\w+\(([^()]*)\)", text_from(place))
+    return match is not None and RIGHT_HAND_SIDE in match[1]
 
 
 def called_kind(place: str) -> str | None:
@@ -326,6 +376,9 @@ def main() -> int:
     plain = {title.rsplit(":", 1)[-1] for title in graph.frames}
     runtime = runtime_bounds(arguments.image, plain)
     worst = graph.worst_cases(runtime)
+    for header in arguments.headers.glob("*.h"):
+        if KEPT.search(header.read_text()):
+            graph.errors.append(f"{header}: keeps a right-hand side")
     show(graph, worst, runtime, arguments.headers)
     wrong = graph.errors + compare(measure(arguments.machine, arguments.image), worst)
     for line in wrong:
