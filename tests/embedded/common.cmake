@@ -2,7 +2,8 @@
 find_package(Python3 REQUIRED COMPONENTS Interpreter)
 
 # cases/<case>.c runs on the host and on every target.
-set(EMBEDDED_CASES math linalg ekf high_gain_ekf distributed_observer coordinated_mhe example)
+set(EMBEDDED_CASES math linalg ekf high_gain_ekf distributed_observer coordinated_mhe consensus
+    example)
 
 # What a case has beside its own source: EMBEDDED_WITH_<case>.
 set(EMBEDDED_WITH_distributed_observer ../unit/observer_rig.c ../unit/observer_designs.c)

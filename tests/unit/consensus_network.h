@@ -10,11 +10,13 @@
 #include "dse/graph.h"
 #include "dse/random.h"
 
+#ifndef CKF_NODES /* who has little memory says less beforehand */
+#define CKF_NODES 20
+#define CKF_NX    4
+#define CKF_NY    2
+#endif
 enum {
-    CKF_NODES = 20,
     CKF_EDGES = CKF_NODES * (CKF_NODES - 1),
-    CKF_NX = 4,
-    CKF_NY = 2,
     CKF_ROOM = DSE_CKF_STORAGE(CKF_NX, CKF_NY, CKF_NODES - 1, CKF_NODES)
 };
 

@@ -8,12 +8,12 @@
 
 #include "dse/distributed_second_order.h"
 
-enum {
-    NETWORK_NODES = 6,
-    NETWORK_NX = 10,
-    NETWORK_NY = 3,
-    NETWORK_STORAGE = DSE_DSO_STORAGE(NETWORK_NX, NETWORK_NY, NETWORK_NODES - 1)
-};
+#ifndef NETWORK_NODES /* who has little memory says less beforehand */
+#define NETWORK_NODES 6
+#define NETWORK_NX    10
+#define NETWORK_NY    3
+#endif
+enum { NETWORK_STORAGE = DSE_DSO_STORAGE(NETWORK_NX, NETWORK_NY, NETWORK_NODES - 1) };
 
 struct second_order_network {
     /* filled by the test: */
