@@ -46,9 +46,9 @@ static void require_header(const dse_header_t *header)
     require(header->role >= DSE_HEADER_T_ROLE_PLANT && header->role <= DSE_HEADER_T_ROLE_RUN);
 }
 
-static void require_part(int part, int parts, int count, int capacity)
+static void require_part(int part, int parts, int max_parts, int count, int capacity)
 {
-    require(part >= 0 && part < parts && parts <= MESSAGE_MAX_PARTS);
+    require(part >= 0 && part < parts && parts <= max_parts);
     require(count >= 0 && count <= capacity && (part == parts - 1 || count == capacity));
 }
 
@@ -58,7 +58,7 @@ static void require_values(int part, int parts, int count, const double *value, 
 {
     double storage[DSE_PLANT_MAX_STATES];
     struct message_vector vector = {.value = storage, .capacity = DSE_PLANT_MAX_STATES};
-    require_part(part, parts, count, DSE_INPUT_T_CAPACITY);
+    require_part(part, parts, MESSAGE_MAX_PARTS, count, DSE_INPUT_T_CAPACITY);
     for (int i = 0; i < count; i++)
         require(isfinite(value[i]) || (valid != NULL && valid[i] == 0));
     message_vector_reset(&vector);
@@ -87,7 +87,8 @@ static void keep_status(const dse_status_t *message)
 
 static void keep_run_info(const dse_run_info_t *message)
 {
-    require_part(message->part, message->parts, message->count, DSE_RUN_INFO_T_CAPACITY);
+    require_part(message->part, message->parts, MESSAGE_MAX_TEXT_PARTS, message->count,
+                 DSE_RUN_INFO_T_CAPACITY);
 }
 
 static void keep_input(const dse_input_t *message)
