@@ -18,9 +18,11 @@ from dse.metrics import errors
 from dse.run import HEALTH, TRACKING, Floats, Network, Node, Run
 
 TRUTH = "#111111"
-# Distinct in hue and in lightness, also for colour-blind readers (after Okabe and Ito).
+# Distinct in hue and in lightness, also for colour-blind readers (after Okabe and Ito); beyond
+# eight networks in lightness more than in hue.
 PALETTE = (
     *("#d1495b", "#1f78b4", "#e69f00", "#00876c", "#8e5ea2", "#56b4e9", "#8c564b", "#7a7a7a"),
+    *("#7f0f2e", "#0b2f6b", "#c2b200", "#7ccba2", "#4a1486", "#f4a6b7", "#3d2314", "#b9b4a0"),
 )
 HEALTH_COLOURS = ("#9aa5b1", "#4c9f70", "#e9b949", "#e07b39", "#b3261e", "#7b5ea7", "#3b6ea5")
 STYLE: dict[Any, Any] = {

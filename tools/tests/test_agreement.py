@@ -1,5 +1,6 @@
 """Nodes of a network together: agreement of their estimates, and what their talk costs."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,12 @@ def test_nodes_with_different_states_have_no_agreement(plain: Path) -> None:
     assert agreement(run, run.networks[0]) is None
     with pytest.raises(UserError, match="estimate the same states"):
         measure(run, [Metric.parse("ID")], {})
+
+
+def test_sixteen_networks_have_sixteen_colours(plain: Path) -> None:
+    run = read(plain)
+    run.networks = [replace(run.networks[0], name=f"network {i}") for i in range(16)]
+    assert len(set(colours(run).values())) == 16
 
 
 def test_agreement_is_over_the_samples_that_all_nodes_have(tmp_path: Path) -> None:
