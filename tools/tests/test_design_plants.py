@@ -13,6 +13,7 @@ from dse import lcmtypes
 from dse.design.linear_windows import window
 from dse.design.observability import seen
 from dse.design.output_error import Data, Problem, fit, identify
+from dse.design.scenario_file import find
 from dse.errors import UserError
 from dse.plants import ModelError, Plant
 
@@ -298,6 +299,12 @@ def test_observability_refuses_with_a_reason(
     done = dse("design", "observability", *arguments)
     assert done.code == 2
     assert words in done.err
+
+
+def test_a_whole_name_is_no_beginning_of_another() -> None:
+    """cno-pod_free_flow begins like cno-pod_free."""
+    assert find("cno-pod_free").stem == "cno-pod_free"
+    assert find("ahg-61").stem.startswith("ahg-61_")
 
 
 def test_observability_of_a_swinging_plant_is_that_of_each_sensor_group(dse: Command) -> None:

@@ -47,7 +47,9 @@ def find(name: str) -> Path:
         for folder in reversed([*folders, SHIPPED])
         for one in folder.glob(f"{name}*.yaml")
     }
-    whole = [one for key, one in found.items() if key.startswith((f"{name}_", f"{name}."))]
+    if exact := found.get(f"{name}.yaml"):
+        return exact
+    whole = [one for key, one in found.items() if key.startswith(f"{name}_")]
     matches = whole or list(found.values())
     if len(matches) != 1:
         names = ", ".join(sorted(one.stem for one in matches)) or "none"
