@@ -113,7 +113,8 @@ static void keep_measurement(const dse_measurement_t *message)
 
 static void keep_estimate(const dse_estimate_t *message)
 {
-    require_part(message->part, message->parts, message->count, DSE_ESTIMATE_T_CAPACITY);
+    require_part(message->part, message->parts, MESSAGE_MAX_PARTS, message->count,
+                 DSE_ESTIMATE_T_CAPACITY);
     require(message->diagnostics >= 0 && message->diagnostics <= DSE_ESTIMATE_T_DIAGNOSTICS);
 }
 
