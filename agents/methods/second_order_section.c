@@ -45,7 +45,8 @@ const struct scenario_rule second_order_rules[] = {
     {.key = "memory",
      SCENARIO_ANY,
      .absent = "average",
-     .meaning = "A_covariance: what its filters start a sample with"},
+     .meaning = "A_covariance: what its filters start a sample with; A_information: persistent "
+                "keeps what losses in one direction leave, others begin anew"},
     {.key = "delta",
      SCENARIO_ABOVE(0),
      .absent = "B 0.1, C 0.25",

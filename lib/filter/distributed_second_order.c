@@ -43,7 +43,7 @@ static void start_filters(struct dse_dso *node)
     if (dso_filters_covariance(node) || dso_sums_measurements(node))
         dso_pack(n, node->filter.S, node->Y);
     const enum dse_dso_memory memory = node->config->memory;
-    if (node->config->scheme == DSE_DSO_A_INFORMATION && memory == DSE_DSO_RESTART)
+    if (node->config->scheme == DSE_DSO_A_INFORMATION && memory != DSE_DSO_PERSISTENT)
         for (int k = 0; k < n + packed; k++)
             node->v[k] = 0;
     if (node->config->scheme != DSE_DSO_A_COVARIANCE || memory == DSE_DSO_PERSISTENT)

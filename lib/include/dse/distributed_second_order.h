@@ -34,9 +34,9 @@ enum dse_dso_scheme {
     /* C-I-inf, recommended where one round has to do. xh_i = w_i + M_i (u - Y w_i)
      * + delta S_i sum_N (w_j - w_i). One round: (u_j, Y_j, w_j). */
     DSE_DSO_C_INFORMATION = 1,
-    /* A-I*: fusion of information over the whole network by high-pass consensus filters that are
-     * kept from sample to sample: in every round g = v + (u, Y), v += eps sum_N (g_j - g_i); then
-     * u, Y = nodes (v + (u_i, Y_i)). `rounds` rounds: g_j. */
+    /* A-I*: fusion of information over the whole network by high-pass consensus filters that
+     * start from zero in every sample (PERSISTENT: are kept): in every round g = v + (u, Y),
+     * v += eps sum_N (g_j - g_i); then u, Y = nodes (v + (u_i, Y_i)). `rounds` rounds: g_j. */
     DSE_DSO_A_INFORMATION = 2,
     /* B-I: psi_i = w_i + G_i (m_i - C_i w_i), then as B-I-inf. One round: psi_j.  (4.61), (4.62) */
     DSE_DSO_B = 3,
@@ -63,9 +63,9 @@ enum dse_dso_scheme {
 
 /* What consensus filters have at the start of a sample. A-II, with the band-pass filter
  * g = v + U, v += eps sum_N (g_j - g_i), b += eps alpha (sum_N (b_j - b_i) + sum_J (g_j - b_i)),
- * and its fused covariance: as below. A-I*: RESTART begins with v = 0, so that `rounds` rounds have
- * to do, but a message that was lost in one direction only is forgotten; others keep v, of which
- * such a loss leaves a part for ever. */
+ * and its fused covariance: as below. A-I*: v = 0 with AVERAGE and RESTART, so that `rounds` rounds
+ * have to do, but a message that was lost in one direction only is forgotten; PERSISTENT keeps v,
+ * of which such a loss leaves a part for ever. */
 enum dse_dso_memory {
     DSE_DSO_AVERAGE = 0,   /* v = 0, b = U; b: a convex combination of the S_j */
     DSE_DSO_RESTART = 1,   /* v = b = 0; b + U, inflated by about 1 + eps alpha |J| */

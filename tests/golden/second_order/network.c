@@ -82,7 +82,7 @@ static int read_case(struct setting *s, const json_t *entry, int substeps)
         {"local", DSE_DSO_ALONE, 0, DSE_SECOND_ORDER},
         {"local_ekf", DSE_DSO_ALONE, 0, DSE_SECOND_ORDER_EXTENDED},
         {"A-I_literal", DSE_DSO_A_LITERAL, 0, DSE_SECOND_ORDER},
-        {"A-I_star", DSE_DSO_A_INFORMATION, 0, DSE_SECOND_ORDER},
+        {"A-I_star", DSE_DSO_A_INFORMATION, DSE_DSO_PERSISTENT, DSE_SECOND_ORDER},
         {"A-II_persistent", DSE_DSO_A_COVARIANCE, DSE_DSO_PERSISTENT, DSE_SECOND_ORDER},
         {"A-II_restart", DSE_DSO_A_COVARIANCE, DSE_DSO_RESTART, DSE_SECOND_ORDER},
         {"A-II_average", DSE_DSO_A_COVARIANCE, DSE_DSO_AVERAGE, DSE_SECOND_ORDER},
