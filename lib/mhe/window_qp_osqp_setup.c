@@ -1,43 +1,42 @@
 /* Window QP: an OSQP workspace on a host. */
 #include <osqp.h>
 #include <stddef.h>
-#include <stdlib.h>
 
 #include "dse/math.h"
 #include "dse/window_qp_osqp.h"
 #include "window_qp_osqp_internal.h"
 
-/* Matrices and vectors while OSQP takes them over; freed together. */
+_Static_assert(sizeof(OSQPFloat) <= sizeof(dse_real) && sizeof(OSQPInt) <= sizeof(dse_real),
+               "a real of the arena holds a number of OSQP's");
+
+/* Matrices and vectors while OSQP copies them: in the arena, given back after that. */
 struct parts {
     OSQPFloat *P_x, *A_x, *q, *l, *u;
     OSQPInt *P_i, *P_p, *A_i, *A_p;
 };
 
-static void free_parts(struct parts *p)
+static OSQPFloat *take_numbers(struct dse_arena *arena, int count)
 {
-    free(p->P_x);
-    free(p->A_x);
-    free(p->q);
-    free(p->l);
-    free(p->u);
-    free(p->P_i);
-    free(p->P_p);
-    free(p->A_i);
-    free(p->A_p);
+    return (void *)dse_arena_take(arena, count);
 }
 
-static bool take_parts(struct parts *p, size_t n, size_t m, size_t P_count, size_t A_count)
+static OSQPInt *take_indices(struct dse_arena *arena, int count)
 {
-    *p = (struct parts){.P_x = calloc(P_count, sizeof(OSQPFloat)),
-                        .A_x = calloc(A_count, sizeof(OSQPFloat)),
-                        .q = calloc(n, sizeof(OSQPFloat)),
-                        .l = calloc(m, sizeof(OSQPFloat)),
-                        .u = calloc(m, sizeof(OSQPFloat)),
-                        .P_i = calloc(P_count, sizeof(OSQPInt)),
-                        .P_p = calloc(n + 1, sizeof(OSQPInt)),
-                        .A_i = calloc(A_count, sizeof(OSQPInt)),
-                        .A_p = calloc(n + 1, sizeof(OSQPInt))};
-    return p->P_x && p->A_x && p->q && p->l && p->u && p->P_i && p->P_p && p->A_i && p->A_p;
+    return (void *)dse_arena_take(arena, count);
+}
+
+/* DSE_WINDOW_QP_OSQP_PARTS, all zero. */
+static struct parts take_parts(struct dse_arena *arena, int n, int m, int P_count, int A_count)
+{
+    return (struct parts){.P_x = take_numbers(arena, P_count),
+                          .A_x = take_numbers(arena, A_count),
+                          .q = take_numbers(arena, n),
+                          .l = take_numbers(arena, m),
+                          .u = take_numbers(arena, m),
+                          .P_i = take_indices(arena, P_count),
+                          .P_p = take_indices(arena, n + 1),
+                          .A_i = take_indices(arena, A_count),
+                          .A_p = take_indices(arena, n + 1)};
 }
 
 /* scale = 1 / sqrt(P_ii), row_scale = |N_r S|. */
@@ -97,38 +96,41 @@ static void fill_A(const struct dse_window_qp_osqp *osqp,
     p->A_p[H * nz] = count;
 }
 
-static bool set_up(struct dse_window_qp_osqp *osqp, const struct dse_window_qp_problem *problem)
+static void fill_settings(OSQPSettings *settings)
+{
+    osqp_set_default_settings(settings);
+    settings->verbose = 0;
+    settings->eps_abs = (OSQPFloat)1e-6;
+    settings->eps_rel = (OSQPFloat)1e-6;
+    settings->max_iter = 20000;
+    settings->adaptive_rho = OSQP_ADAPTIVE_RHO_UPDATE_ITERATIONS; /* by iterations, not by time */
+    settings->adaptive_rho_interval = 50;
+    settings->profiler_level = 0;
+}
+
+static bool set_up(struct dse_window_qp_osqp *osqp, const struct dse_window_qp_problem *problem,
+                   struct dse_arena *arena)
 {
     const int nz = osqp->nz, H = osqp->stages, n = H * nz, m = n + (H - 1) * osqp->nr;
     const int P_count = H * nz * (nz + 1) / 2 + (H - 1) * nz * nz;
     const int A_count = n + 2 * (H - 1) * osqp->nr * nz;
-    struct parts p;
+    const int kept = arena->used;
+    struct parts p = take_parts(arena, n, m, P_count, A_count);
     OSQPSettings settings;
     OSQPSolver *solver = NULL;
-    bool ok = take_parts(&p, (size_t)n, (size_t)m, (size_t)P_count, (size_t)A_count);
-    if (ok) {
-        fill_P_pattern(nz, H, &p);
-        window_qp_osqp_write_P(osqp, problem, p.P_x);
-        fill_A(osqp, problem, &p);
-        for (int i = 0; i < m; i++) {
-            p.l[i] = -OSQP_INFTY;
-            p.u[i] = OSQP_INFTY;
-        }
-        OSQPCscMatrix P, A;
-        OSQPCscMatrix_set_data(&P, n, n, P_count, p.P_x, p.P_i, p.P_p);
-        OSQPCscMatrix_set_data(&A, m, n, A_count, p.A_x, p.A_i, p.A_p);
-        osqp_set_default_settings(&settings);
-        settings.verbose = 0;
-        settings.eps_abs = (OSQPFloat)1e-6;
-        settings.eps_rel = (OSQPFloat)1e-6;
-        settings.max_iter = 20000;
-        settings.adaptive_rho =
-            OSQP_ADAPTIVE_RHO_UPDATE_ITERATIONS; /* by iterations, not by time */
-        settings.adaptive_rho_interval = 50;
-        settings.profiler_level = 0;
-        ok = osqp_setup(&solver, &P, p.q, &A, p.l, p.u, m, n, &settings) == 0;
+    OSQPCscMatrix P, A;
+    fill_P_pattern(nz, H, &p);
+    window_qp_osqp_write_P(osqp, problem, p.P_x);
+    fill_A(osqp, problem, &p);
+    for (int i = 0; i < m; i++) {
+        p.l[i] = -OSQP_INFTY;
+        p.u[i] = OSQP_INFTY;
     }
-    free_parts(&p);
+    OSQPCscMatrix_set_data(&P, n, n, P_count, p.P_x, p.P_i, p.P_p);
+    OSQPCscMatrix_set_data(&A, m, n, A_count, p.A_x, p.A_i, p.A_p);
+    fill_settings(&settings);
+    const bool ok = osqp_setup(&solver, &P, p.q, &A, p.l, p.u, m, n, &settings) == 0;
+    arena->used = kept;
     osqp->solver = solver;
     return ok;
 }
@@ -149,7 +151,7 @@ enum dse_status dse_window_qp_osqp_setup(struct dse_window_qp_osqp *osqp,
     osqp->numbers = dse_arena_take(arena, DSE_WINDOW_QP_OSQP_NUMBERS(nz, nr, H));
     if (!find_scales(problem, nz, nr, scale, row_scale))
         return DSE_EINVAL;
-    if (set_up(osqp, problem))
+    if (set_up(osqp, problem, arena))
         return DSE_OK;
     dse_window_qp_osqp_cleanup(osqp);
     return DSE_ENOCONV;

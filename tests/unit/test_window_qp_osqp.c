@@ -23,7 +23,7 @@ static void set_up(int capacity)
     struct dse_arena arena;
     dse_arena_init(&arena, osqp_memory, capacity);
     assert_int_equal(dse_window_qp_osqp_setup(&osqp, &rig.problem, rig.nz, rig.nr, &arena), DSE_OK);
-    assert_int_equal(arena.used, DSE_WINDOW_QP_OSQP_STORAGE(rig.nz, rig.nr, rig.H));
+    assert_int_equal(arena.used, DSE_WINDOW_QP_OSQP_KEPT(rig.nz, rig.nr, rig.H));
 }
 
 /* Its own search switched off, the solver stands on OSQP's active set and refines it. */

@@ -29,9 +29,17 @@ struct dse_window_qp_osqp {
 
 #define DSE_WINDOW_QP_OSQP_NUMBERS(nz, nr, H)                                                      \
     (3 * (H) * (nz) + 2 * ((H)-1) * (nr) + (H) * (nz) * ((nz) + 1) / 2 + ((H)-1) * (nz) * (nz))
-/* Reals that dse_window_qp_osqp_setup takes. */
-#define DSE_WINDOW_QP_OSQP_STORAGE(nz, nr, H)                                                      \
+/* Reals that dse_window_qp_osqp_setup keeps, .. */
+#define DSE_WINDOW_QP_OSQP_KEPT(nz, nr, H)                                                         \
     (DSE_WINDOW_QP_OSQP_NUMBERS(nz, nr, H) + (H) * (nz) + ((H)-1) * (nr))
+/* .. those that it needs besides until it returns: the matrices that OSQP copies, .. */
+#define DSE_WINDOW_QP_OSQP_PARTS(nz, nr, H)                                                        \
+    (2 * ((H) * (nz) * ((nz) + 1) / 2 + ((H)-1) * (nz) * (nz) + (H) * (nz) +                       \
+          2 * ((H)-1) * (nr) * (nz)) +                                                             \
+     5 * (H) * (nz) + 2 * ((H)-1) * (nr) + 2)
+/* .. and both. */
+#define DSE_WINDOW_QP_OSQP_STORAGE(nz, nr, H)                                                      \
+    (DSE_WINDOW_QP_OSQP_KEPT(nz, nr, H) + DSE_WINDOW_QP_OSQP_PARTS(nz, nr, H))
 
 /* `solve` of the backend, with a struct dse_window_qp_osqp as context. DSE_EDIM: not the number of
  * stages that the workspace is for; DSE_ENONFINITE: a constraint whose scale is wrong, or OSQP's
@@ -39,7 +47,7 @@ struct dse_window_qp_osqp {
 enum dse_status dse_window_qp_osqp_solve(void *context, const struct dse_window_qp_problem *problem,
                                          dse_real *y);
 
-/* Hosts only: makes a workspace for P, E and F of the problem (OSQP allocates; so does this, once).
+/* Hosts only: makes a workspace for P, E and F of the problem (OSQP allocates).
  * DSE_ESTORAGE, DSE_EINVAL; DSE_ENOCONV: OSQP refuses. */
 enum dse_status dse_window_qp_osqp_setup(struct dse_window_qp_osqp *osqp,
                                          const struct dse_window_qp_problem *problem, int nz,
