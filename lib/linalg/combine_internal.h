@@ -9,22 +9,22 @@
 #ifndef DSE_LINALG_COMBINE_INTERNAL_H
 #define DSE_LINALG_COMBINE_INTERNAL_H
 
-#include <stddef.h>
+#include <stdbool.h>
 
 #include "lanes_internal.h"
 
-/* from NULL: zero. */
-static inline lanes combine_load(const dse_real *from, int j)
+/* What the sum starts from: `from` where it is given, else zero. */
+static inline lanes combine_load(bool given, const dse_real *from)
 {
-    return from ? lanes_load(from + j) : lanes_all(0);
+    return given ? lanes_load(from) : lanes_all(0);
 }
 
 /* Columns 0 .. 4 LANES - 1. */
 static inline void combine_4(int k, const dse_real *a, int sa, const dse_real *B, int sb,
-                             dse_real sign, const dse_real *from, dse_real *c)
+                             dse_real sign, bool given, const dse_real *from, dse_real *c)
 {
-    lanes c0 = combine_load(from, 0), c1 = combine_load(from, LANES),
-          c2 = combine_load(from, 2 * LANES), c3 = combine_load(from, 3 * LANES);
+    lanes c0 = combine_load(given, from), c1 = combine_load(given, from + LANES),
+          c2 = combine_load(given, from + 2 * LANES), c3 = combine_load(given, from + 3 * LANES);
     lanes d0 = lanes_all(0), d1 = d0, d2 = d0, d3 = d0;
     for (; k >= 2; k -= 2, a += 2 * sa, B += 2 * sb) {
         const lanes even = lanes_all(sign * a[0]), odd = lanes_all(sign * a[sa]);
@@ -51,9 +51,10 @@ static inline void combine_4(int k, const dse_real *a, int sa, const dse_real *B
 }
 
 static inline void combine_2(int k, const dse_real *a, int sa, const dse_real *B, int sb,
-                             dse_real sign, const dse_real *from, dse_real *c)
+                             dse_real sign, bool given, const dse_real *from, dse_real *c)
 {
-    lanes c0 = combine_load(from, 0), c1 = combine_load(from, LANES), d0 = lanes_all(0), d1 = d0;
+    lanes c0 = combine_load(given, from), c1 = combine_load(given, from + LANES), d0 = lanes_all(0),
+          d1 = d0;
     for (; k >= 2; k -= 2, a += 2 * sa, B += 2 * sb) {
         const lanes even = lanes_all(sign * a[0]), odd = lanes_all(sign * a[sa]);
         c0 += even * lanes_load(B);
@@ -71,9 +72,9 @@ static inline void combine_2(int k, const dse_real *a, int sa, const dse_real *B
 }
 
 static inline void combine_1(int k, const dse_real *a, int sa, const dse_real *B, int sb,
-                             dse_real sign, const dse_real *from, dse_real *c)
+                             dse_real sign, bool given, const dse_real *from, dse_real *c)
 {
-    lanes c0 = combine_load(from, 0), d0 = lanes_all(0);
+    lanes c0 = combine_load(given, from), d0 = lanes_all(0);
     for (; k >= 2; k -= 2, a += 2 * sa, B += 2 * sb) {
         c0 += lanes_all(sign * a[0]) * lanes_load(B);
         d0 += lanes_all(sign * a[sa]) * lanes_load(B + sb);
@@ -84,9 +85,9 @@ static inline void combine_1(int k, const dse_real *a, int sa, const dse_real *B
 }
 
 static inline void combine_scalar(int k, const dse_real *a, int sa, const dse_real *B, int sb,
-                                  dse_real sign, const dse_real *from, dse_real *c)
+                                  dse_real sign, bool given, const dse_real *from, dse_real *c)
 {
-    dse_real c0 = from ? *from : 0, d0 = 0;
+    dse_real c0 = given ? *from : 0, d0 = 0;
     for (; k >= 2; k -= 2, a += 2 * sa, B += 2 * sb) {
         c0 += sign * a[0] * B[0];
         d0 += sign * a[sa] * B[sb];
@@ -96,36 +97,36 @@ static inline void combine_scalar(int k, const dse_real *a, int sa, const dse_re
     *c = c0 + d0;
 }
 
-/* c = from +- ..., from may be c, and NULL is zero. a has stride sa, the rows of B have stride sb;
- * sign is 1 or -1. c overlaps neither a nor B. */
+/* c = from +- ..., from may be c; it is read where it is given, else zero stands for it. a has
+ * stride sa, the rows of B have stride sb; sign is 1 or -1. c overlaps neither a nor B. */
 static inline void combine(int n, int k, const dse_real *a, int sa, const dse_real *B, int sb,
-                           dse_real sign, const dse_real *from, dse_real *c)
+                           dse_real sign, bool given, const dse_real *from, dse_real *c)
 {
     int j = 0;
     for (; j + 4 * LANES <= n; j += 4 * LANES)
-        combine_4(k, a, sa, B + j, sb, sign, from ? from + j : NULL, c + j);
+        combine_4(k, a, sa, B + j, sb, sign, given, from + j, c + j);
     if (j + 2 * LANES <= n) {
-        combine_2(k, a, sa, B + j, sb, sign, from ? from + j : NULL, c + j);
+        combine_2(k, a, sa, B + j, sb, sign, given, from + j, c + j);
         j += 2 * LANES;
     }
     if (j + LANES <= n) {
-        combine_1(k, a, sa, B + j, sb, sign, from ? from + j : NULL, c + j);
+        combine_1(k, a, sa, B + j, sb, sign, given, from + j, c + j);
         j += LANES;
     }
     for (; j < n; j++)
-        combine_scalar(k, a, sa, B + j, sb, sign, from ? from + j : NULL, c + j);
+        combine_scalar(k, a, sa, B + j, sb, sign, given, from + j, c + j);
 }
 
 static inline void combine_add(int n, int k, const dse_real *a, int sa, const dse_real *B, int sb,
                                dse_real *c)
 {
-    combine(n, k, a, sa, B, sb, 1, c, c);
+    combine(n, k, a, sa, B, sb, 1, true, c, c);
 }
 
 static inline void combine_subtract(int n, int k, const dse_real *a, int sa, const dse_real *B,
                                     int sb, dse_real *c)
 {
-    combine(n, k, a, sa, B, sb, -1, c, c);
+    combine(n, k, a, sa, B, sb, -1, true, c, c);
 }
 
 #endif

@@ -79,7 +79,7 @@ static void combine_unit_upper(int n, int sm, const dse_real *T, const dse_real 
 {
     const int s = DSE_FACTORED_STRIDE(n);
     for (int j = 0; j < n; j++)
-        combine(sm, n - 1 - j, T + j * s + j + 1, 1, B + (j + 1) * sm, sm, 1, B + j * sm,
+        combine(sm, n - 1 - j, T + j * s + j + 1, 1, B + (j + 1) * sm, sm, 1, true, B + j * sm,
                 W + j * sm);
 }
 

@@ -6,27 +6,27 @@
 void dse_mat_mul(int m, int k, int n, const dse_real *A, const dse_real *B, dse_real *C)
 {
     for (int i = 0; i < m; i++) /* C_i = sum_p A_ip B_p */
-        combine(n, k, A + i * k, 1, B, n, 1, NULL, C + i * n);
+        combine(n, k, A + i * k, 1, B, n, 1, false, C + i * n, C + i * n);
 }
 
 void dse_mat_mul_add(int m, int k, int n, const dse_real *A, const dse_real *B, const dse_real *D,
                      dse_real *C)
 {
     for (int i = 0; i < m; i++)
-        combine(n, k, A + i * k, 1, B, n, 1, D + i * n, C + i * n);
+        combine(n, k, A + i * k, 1, B, n, 1, true, D + i * n, C + i * n);
 }
 
 void dse_mat_mul_subtract(int m, int k, int n, const dse_real *A, const dse_real *B,
                           const dse_real *D, dse_real *C)
 {
     for (int i = 0; i < m; i++)
-        combine(n, k, A + i * k, 1, B, n, -1, D + i * n, C + i * n);
+        combine(n, k, A + i * k, 1, B, n, -1, true, D + i * n, C + i * n);
 }
 
 void dse_mat_mul_tn(int m, int k, int n, const dse_real *A, const dse_real *B, dse_real *C)
 {
     for (int i = 0; i < m; i++) /* C_i = sum_p A_pi B_p */
-        combine(n, k, A + i, m, B, n, 1, NULL, C + i * n);
+        combine(n, k, A + i, m, B, n, 1, false, C + i * n, C + i * n);
 }
 
 void dse_mat_mul_nt(int m, int k, int n, const dse_real *A, const dse_real *B, dse_real *C)
@@ -51,11 +51,11 @@ void dse_mat_vec_add(int m, int n, const dse_real *A, const dse_real *x, const d
 
 void dse_mat_tvec(int m, int n, const dse_real *A, const dse_real *x, dse_real *y)
 {
-    combine(n, m, x, 1, A, n, 1, NULL, y);
+    combine(n, m, x, 1, A, n, 1, false, y, y);
 }
 
 void dse_mat_tvec_add(int m, int n, const dse_real *A, const dse_real *x, const dse_real *z,
                       dse_real *y)
 {
-    combine(n, m, x, 1, A, n, 1, z, y);
+    combine(n, m, x, 1, A, n, 1, true, z, y);
 }

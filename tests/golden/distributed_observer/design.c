@@ -14,8 +14,9 @@ static void fetch(const json_t *node, const char *key, int rows, int columns, in
     const json_t *all = json_object_get(node, key);
     for (int i = 0; i < rows; i++)
         for (int j = 0; j < columns; j++)
-            out[i * columns + j] = json_number_value(json_array_get(
-                json_array_get(all, (size_t)(from_row + i)), (size_t)(from_column + j)));
+            out[i * columns + j] =
+                json_number_value(json_array_get(json_array_get(all, (size_t)from_row + (size_t)i),
+                                                 (size_t)from_column + (size_t)j));
 }
 
 static void add_scaled(int n, double a, const double *x, double *y)
