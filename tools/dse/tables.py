@@ -30,8 +30,8 @@ def number(value: float | None, never: str = "-") -> str:
 
 
 def percent(fraction: float) -> str:
-    """Percent; neither 0 nor 100 unless it is exactly that."""
-    if fraction in (0.0, 1.0):
+    """Percent; neither 0 nor 100 unless it is exactly that. Errors may be beyond 100."""
+    if fraction == 0.0 or fraction >= 1.0:
         return f"{100 * fraction:.0f} %"
     return f"{min(max(100 * fraction, 0.01), 99.99):.2f} %"
 

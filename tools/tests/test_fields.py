@@ -13,6 +13,7 @@ from dse.flow import TEST, Flow
 from dse.log import read
 from dse.plants import Plant
 from dse.run import Floats
+from dse.tables import percent
 
 PERIOD, SAMPLES = 0.25, 9
 RUN_ID = 77
@@ -94,6 +95,11 @@ def test_a_truth_that_is_the_simulated_flow_has_its_whole_fields(
             np.testing.assert_allclose(mine, other, atol=1e-12)
     # more than the modes show: the published error of the projection of the contaminant
     assert 0.05 < fields.relative(model.fields(x[4])[1], found.truth(4)[1]) < 0.3
+
+
+def test_an_error_beyond_the_fields_size_is_told() -> None:
+    assert percent(1.264) == "126 %"
+    assert percent(0.99999) == "99.99 %"
 
 
 def test_the_stream_function_is_that_of_the_velocity(library: Path) -> None:
