@@ -5,6 +5,7 @@
 #include "runtime/networks.h"
 #include "runtime/node.h"
 #include "runtime/options.h"
+#include "runtime/program.h"
 
 #define OPTION_NETWORK OPTION_OWN
 
@@ -55,9 +56,10 @@ static bool nobody(const struct scenario *scenario, const struct choice *choice,
 }
 
 static bool make_agents(const struct scenario *scenario, const struct options *options,
-                        const struct choice *choice, struct bus *bus, struct agent *agents,
-                        int *n_agents, struct error *error)
+                        const void *own, struct bus *bus, struct agent *agents, int *n_agents,
+                        struct error *error)
 {
+    const struct choice *choice = own;
     for (unsigned i = 0; i < scenario->networks_count; i++) {
         bool coordinator = false;
         int nodes = network_nodes(scenario, (int)i, &coordinator, error);
@@ -82,9 +84,7 @@ int main(int argc, char **argv)
 {
     struct options options = {0};
     struct choice choice = {0};
-    struct error error = {0};
     struct agent agents[SCENARIO_MAX_NETWORKS];
-    int n_agents = 0;
     static const struct option table[] = {
         OPTIONS_COMMON, {"network", required_argument, NULL, OPTION_NETWORK}, {0}};
     struct options_program program = {
@@ -92,17 +92,5 @@ int main(int argc, char **argv)
     int stop = options_read(&program, argc, argv, &options);
     if (stop != 0)
         return stop - 1;
-    host_catch_signals();
-    struct scenario *scenario = options_scenario(&options, &error);
-    struct bus *bus = scenario != NULL ? bus_open(options.lcm_url, &error) : NULL;
-    int code = EXIT_BAD_INPUT;
-    if (bus != NULL && make_agents(scenario, &options, &choice, bus, agents, &n_agents, &error))
-        code = host_run(bus, agents, n_agents, NULL, NULL, &error) ? 0 : EXIT_RUN;
-    if (error.text[0] != '\0')
-        options_complain(name, &error);
-    for (int i = 0; i < n_agents; i++)
-        agents[i].destroy(agents[i].self);
-    bus_close(bus);
-    scenario_free(scenario);
-    return code;
+    return program_serve(name, &options, make_agents, &choice, agents);
 }

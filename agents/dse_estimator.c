@@ -7,6 +7,7 @@
 #include "runtime/networks.h"
 #include "runtime/node.h"
 #include "runtime/options.h"
+#include "runtime/program.h"
 
 #define MAX_AGENTS     4096
 #define OPTION_NODE    OPTION_OWN
@@ -56,9 +57,10 @@ static bool check(const void *self, const struct options *options, struct error 
 }
 
 static bool make_agents(const struct scenario *scenario, const struct options *options,
-                        const struct choice *choice, struct bus *bus, struct agent *agents,
-                        int *n_agents, struct error *error)
+                        const void *own, struct bus *bus, struct agent *agents, int *n_agents,
+                        struct error *error)
 {
+    const struct choice *choice = own;
     bool known = choice->network == NULL;
     int most = 0;
     int coordinators = 0;
@@ -101,9 +103,7 @@ int main(int argc, char **argv)
 {
     struct options options = {0};
     struct choice choice = {.first = -1};
-    struct error error = {0};
     static struct agent agents[MAX_AGENTS];
-    int n_agents = 0;
     static const struct option table[] = {OPTIONS_COMMON,
                                           {"node", required_argument, NULL, OPTION_NODE},
                                           {"network", required_argument, NULL, OPTION_NETWORK},
@@ -113,17 +113,5 @@ int main(int argc, char **argv)
     int stop = options_read(&program, argc, argv, &options);
     if (stop != 0)
         return stop - 1;
-    host_catch_signals();
-    struct scenario *scenario = options_scenario(&options, &error);
-    struct bus *bus = scenario != NULL ? bus_open(options.lcm_url, &error) : NULL;
-    int code = EXIT_BAD_INPUT;
-    if (bus != NULL && make_agents(scenario, &options, &choice, bus, agents, &n_agents, &error))
-        code = host_run(bus, agents, n_agents, NULL, NULL, &error) ? 0 : EXIT_RUN;
-    if (error.text[0] != '\0')
-        options_complain(name, &error);
-    for (int i = 0; i < n_agents; i++)
-        agents[i].destroy(agents[i].self);
-    bus_close(bus);
-    scenario_free(scenario);
-    return code;
+    return program_serve(name, &options, make_agents, &choice, agents);
 }

@@ -12,17 +12,6 @@
 #include "dse/linalg.h"
 #include "dse/math.h"
 
-static enum dse_status solve_members(struct dse_active_set *set, const dse_real *free, dse_real *z)
-{
-    const enum dse_status status = active_set_factor(set);
-    if (status != DSE_OK)
-        return status;
-    for (int i = 0; i < set->stages * set->nz; i++)
-        z[i] = free[i];
-    active_set_solve(set, z);
-    return dse_all_finite(z, set->stages * set->nz) ? DSE_OK : DSE_ENONFINITE;
-}
-
 /* The member with the multiplier that is most wrong; -1: none. */
 static int most_wrong(const struct dse_active_set *set)
 {
@@ -45,7 +34,7 @@ static enum dse_status make_dual_feasible(struct dse_active_set *set, const dse_
                                           dse_real *z)
 {
     for (;;) {
-        const enum dse_status status = solve_members(set, free, z);
+        const enum dse_status status = active_set_solve_members(set, free, z);
         if (status != DSE_OK)
             return status;
         (void)active_set_judge(set, z); /* for the sizes */
@@ -151,7 +140,7 @@ enum dse_status active_set_search_dual(struct dse_active_set *set, const dse_rea
     if (status != DSE_OK)
         return status;
     active_set_sort(set);
-    status = solve_members(set, free, z);
+    status = active_set_solve_members(set, free, z);
     if (status != DSE_OK)
         return status;
     const struct active_set_violators v = active_set_judge(set, z);

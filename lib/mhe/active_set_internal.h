@@ -68,6 +68,9 @@ enum dse_status active_set_factor(struct dse_active_set *set);
 void active_set_solve_factor(const struct dse_active_set *set, dse_real *step);
 /* z = K c -> the solution with all members active, y its multipliers. */
 void active_set_solve(struct dse_active_set *set, dse_real *z);
+/* Both: factors the members and solves from free = K c into z. DSE_ENONFINITE too. */
+enum dse_status active_set_solve_members(struct dse_active_set *set, const dse_real *free,
+                                         dse_real *z);
 /* dz = K r -> the correction of a solution whose stationarity misses by r, with z the solution; y
  * is corrected. */
 void active_set_correct(struct dse_active_set *set, const dse_real *z, dse_real *dz);

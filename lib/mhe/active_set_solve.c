@@ -193,3 +193,15 @@ void active_set_project(struct dse_active_set *set, dse_real *v)
     active_set_solve_factor(set, set->step);
     active_set_subtract(set, set->step, v);
 }
+
+enum dse_status active_set_solve_members(struct dse_active_set *set, const dse_real *free,
+                                         dse_real *z)
+{
+    const enum dse_status status = active_set_factor(set);
+    if (status != DSE_OK)
+        return status;
+    for (int i = 0; i < set->stages * set->nz; i++)
+        z[i] = free[i];
+    active_set_solve(set, z);
+    return dse_all_finite(z, set->stages * set->nz) ? DSE_OK : DSE_ENONFINITE;
+}

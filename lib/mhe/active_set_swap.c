@@ -129,17 +129,6 @@ static void swap(struct dse_active_set *set, const dse_real *z)
     }
 }
 
-static enum dse_status try_set(struct dse_active_set *set, const dse_real *free, dse_real *z)
-{
-    const enum dse_status status = active_set_factor(set);
-    if (status != DSE_OK)
-        return status;
-    for (int i = 0; i < set->stages * set->nz; i++)
-        z[i] = free[i];
-    active_set_solve(set, z);
-    return dse_all_finite(z, set->stages * set->nz) ? DSE_OK : DSE_ENONFINITE;
-}
-
 enum dse_status active_set_search(struct dse_active_set *set, const dse_real *free, int max_passes,
                                   int max_steps, dse_real *z)
 {
@@ -148,7 +137,7 @@ enum dse_status active_set_search(struct dse_active_set *set, const dse_real *fr
     set->passes = 0;
     set->steps = 0;
     while (set->passes < max_passes) {
-        const enum dse_status status = try_set(set, free, z);
+        const enum dse_status status = active_set_solve_members(set, free, z);
         if (status != DSE_OK)
             return status;
         set->passes++;
